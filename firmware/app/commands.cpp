@@ -111,7 +111,7 @@ uint8_t Commands::run_motion(const Command &command) {
     return result;
 }
 
-OMNI_COLD uint8_t Commands::run(const Command &command) {
+uint8_t Commands::run(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case cmd_arm:

@@ -57,7 +57,7 @@ bool ParamStore::has_room() const {
     return slot_size() >= header_length + crc_length;
 }
 
-Slot ParamStore::judge() const {
+OMNI_COLD Slot ParamStore::judge() const {
     Slot slot;
     if (!has_room()) {
         return slot;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/trajectories.h"
 
+#include "app/cold.h"
 #include "app/core.h"
 
 namespace omni {
@@ -16,7 +17,7 @@ bool Trajectories::accepts(int32_t parameter, float value, const char *name) {
 }
 
 /// Plan into the scratch slot from the present pose.
-uint8_t Trajectories::plan() {
+OMNI_COLD uint8_t Trajectories::plan() {
     omni_trajectory_config_t config = parameters_.config().trajectory;
     if (type_ != -1.0f) {
         if (!accepts(OMNI_PARAM_TRJ_TYPE, type_, "trajectory type")) {

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
@@ -111,6 +112,133 @@ def test_readings_that_end_within_a_slot_lose_no_way(age: int) -> None:
     assert (total[:2] < 0.02).all(), "and moves by 5 mm"
 
 
+def stopping(start: int, last: Array, tick: int) -> Array:
+    """Brake from ``last`` within a quarter of a second."""
+    return last * max(0.0, 1.0 - (tick - start) * 4e-3)
+
+
+def proved() -> Drive:
+    """A robot whose sensor may lead; it stands then for a second."""
+    drive = Drive()
+    drive.go(12.0)
+    assert drive.core.flow.right
+    start = drive.core.time_us // 1000
+    last = np.array([0.5 * math.cos(1.3e-3 * start), 0.5 * math.sin(0.7e-3 * start), math.sin(0.5e-3 * start)])
+    drive.steer = partial(stopping, start, last)
+    drive.go(1.0)
+    assert drive.core.flow.long_fits >= lib.OMNI_FLOW_LEAD
+    return drive
+
+
+def ramp(drive: Drive, *to: float) -> None:
+    """Speed up from rest with 4 m/s², turning as fast as it goes."""
+    start = drive.core.time_us // 1000
+    steady = np.array(to)
+    drive.steer = lambda tick: steady * min(1.0, (tick - start) * 4e-3 / np.hypot(*steady[:2]))
+
+
+def dead(way: Array) -> Array:
+    """A reading of one that no longer sees the floor: its turn is right."""
+    noise = np.random.default_rng(round(1e9 * abs(way[2])))
+    return np.array([*noise.normal(0.0, SD_M, 2), way[2]])
+
+
+def test_one_that_died_while_the_robot_stood_does_not_lead() -> None:
+    """What it says of its own speed never changes. But the turn says that no wheel spins."""
+    drive = proved()
+    drive.go(0.4, said=dead)
+    ramp(drive, 0.6, 0.0, 0.0)
+    usable = drive.go(5.0, said=dead)
+    assert usable.index(False) < 1000
+    assert drive.error_m < drive.error_alone_m + 0.3
+    assert drive.error_m < 3.0 * math.sqrt(drive.core.p[0, 0] + drive.core.p[1, 1])
+
+
+def test_one_way_that_is_dead_stays_found_while_the_other_fits() -> None:
+    """One measuring wheel is off. The robot goes ahead and to the left in turn."""
+    drive = proved()
+    for leg in range(8):
+        ramp(drive, *((0.5, 0.0, 0.0), (0.0, 0.5, 0.0))[leg % 2])
+        drive.go(2.0, said=lambda way: np.array([0.0, way[1], way[2]]))
+        start = drive.core.time_us // 1000
+        last = np.array(((0.5, 0.0, 0.0), (0.0, 0.5, 0.0))[leg % 2])
+        drive.steer = partial(stopping, start, last)
+        drive.go(0.2, said=lambda way: np.array([0.0, way[1], way[2]]))
+    assert drive.core.flow.refused > 100
+    assert drive.error_m < drive.error_alone_m + 0.3
+
+
+def test_pose_fixes_are_believed_against_one_that_leads() -> None:
+    drive = proved()
+    config = drive.core.config
+    config.gate, config.r_xy, config.r_theta = 16.3, 4e-6, 4e-6
+    drive.go(0.4, said=dead)
+    ramp(drive, 0.6, 0.0, 0.0)
+    refused = 0
+    for _ in range(50):
+        drive.go(0.1, said=dead)
+        refused += drive.core.correct(drive.pose) != lib.OMNI_OK
+        assert drive.error_m < 0.12
+    assert refused <= 2
+    assert drive.core.s.restarts == 0
+
+
+def test_a_fix_within_a_reading_on_ice_is_no_refusal() -> None:
+    drive = proved()
+    drive.core.config.gate, drive.core.config.gate_restart = 0.0, 25
+    ramp(drive, 0.6, 0.0, 0.0)
+    drive.slip = np.roll(SPINS, 1)
+    refused = drive.core.flow.refused
+    for _ in range(4):
+        assert all(drive.go(1.0))
+        assert drive.core.correct(drive.pose) == lib.OMNI_OK
+        drive.go(0.009)
+    assert drive.core.flow.refused == refused
+    assert drive.error_m < 0.02
+
+
+@pytest.mark.parametrize("turning", [0.0, 3.0, 7.0])
+def test_a_turn_of_the_body_is_no_change_of_speed(turning: float) -> None:
+    """Straight through the room, in axes that turn; every tenth reading is lost."""
+    drive = proved()
+    start, heading = drive.core.time_us // 1000, drive.pose[2]
+
+    def steer(tick: int) -> Array:
+        speed = min(1.5, (tick - start) * 4e-3)
+        return np.array(
+            [speed * math.cos(drive.pose[2] - heading), -speed * math.sin(drive.pose[2] - heading), turning]
+        )
+
+    drive.steer = steer
+    drive.go(1.0)
+    drive.slip = np.roll(SPINS, 1)
+    used, refused = drive.core.flow.used, drive.core.flow.refused
+    drive.go(2.0)
+    assert drive.core.flow.refused == refused
+    assert drive.core.flow.used == used + 100
+    assert drive.error_m < 0.1
+
+
+def test_at_rest_a_drifting_turn_moves_nothing() -> None:
+    drive = proved()
+    before = drive.core.x
+    usable = drive.go(10.0, said=lambda way: way + np.array([0.0, 0.0, 4e-4]))
+    assert usable.index(False) < 1500
+    assert np.abs(drive.core.x - before)[:3].max() < 1e-3
+
+
+def test_a_turn_that_nothing_measures_is_as_unsure_as_it_can_be() -> None:
+    core = Core()
+    ahead(core, 0.5, 0.0, np.full(3, 0.04), 400)
+    led = 0
+    for _ in range(50):
+        ahead(core, 0.5, 0.0, np.roll(SPINS, 1), SPAN)
+        led += core.measure([0.5 * SPAN * TICK_S, 0.0, 0.0], 2, lead_nis=16.0).led
+    assert led > 25
+    assert abs(core.x[2]) > 1.0
+    assert abs(core.x[2]) < 2.0 * math.sqrt(core.p[2, 2])
+
+
 def test_a_robot_whose_wheel_spins_knows_where_it_is() -> None:
     drive = Drive()
     drive.go(12.0)
@@ -122,20 +250,20 @@ def test_a_robot_whose_wheel_spins_knows_where_it_is() -> None:
     assert drive.error_alone_m > 0.5
     drive.slip = np.array([0.02, 0.05, 0.03])
     assert all(drive.go(6.0))
-    assert drive.core.flow.led == 0
+    assert not drive.core.flow.leads
     assert drive.error_m < 0.03
 
 
 def test_one_that_has_not_proved_where_it_points_does_not_lead() -> None:
-    drive = Drive(slip=SPINS)
-    drive.go(6.0)
-    assert drive.core.flow.led == 0
     drive = Drive()
     drive.go(0.5)
     assert not drive.core.flow.right
+    used = drive.core.flow.used
     drive.slip = SPINS
-    drive.go(1.0)
-    assert drive.core.flow.led == 0
+    for _ in range(10):
+        drive.go(0.1)
+        assert drive.core.flow.led == 0
+    assert drive.core.flow.used < used + 10
 
 
 def test_it_leads_for_ten_seconds_at_most() -> None:

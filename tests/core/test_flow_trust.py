@@ -22,6 +22,8 @@ class Drive:
         self.core, self.alone = Core(), Core()
         self.pose, self._way, self._turning, self.slip, self._speed = np.zeros(3), np.zeros(3), turning, slip, speed
         self._random = np.random.default_rng(1)
+        self.steer: Callable[[int], Array] | None = None
+        """Speed ahead and to the left [m/s], turn rate [rad/s], by tick; None: to and fro."""
 
     def go(
         self,
@@ -39,6 +41,8 @@ class Drive:
             tick = self.core.time_us // 1000
             body = self._speed * np.array([math.cos(1.3e-3 * tick), math.sin(0.7e-3 * tick), 0.0])
             body[2] = self._turning * math.sin(0.5e-3 * tick)
+            if self.steer is not None:
+                body = self.steer(tick)
             moved = body * TICK_S
             cosine, sine = math.cos(self.pose[2] + moved[2] / 2), math.sin(self.pose[2] + moved[2] / 2)
             self.pose += [cosine * moved[0] - sine * moved[1], sine * moved[0] + cosine * moved[1], moved[2]]

@@ -24,7 +24,10 @@ PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 1
 
 # Run 50 times a second at most, never, or with new parameters: their loops unrolled by -O3 would take 8 KB of the fast
 # memory.
-SMALL = ("*/shared/core/src/estimation/pose_ekf_flow.c", "*/shared/core/src/motor/motor.c")
+SMALL = tuple(
+    f"*/shared/core/src/{part}.c"
+    for part in ("estimation/flow", "estimation/pose_ekf_doubt", "estimation/pose_ekf_flow", "motor/motor")
+)
 
 generated = Path(env.subst("$BUILD_DIR")) / "generated"
 generator = root / "shared" / "generate"

@@ -104,13 +104,19 @@ typedef struct omni_flow_state_t {
     omni_uint_t refused_in_row; /**< that did not fit */
     omni_uint_t used;           /**< readings so far */
     omni_uint_t refused;
-    omni_uint_t long_fits; /**< readings that fitted since it was last in trouble, over ways far beyond its noise */
-    omni_uint_t led;       /**< readings that counted in the wheels' place since one was refused, or five have fitted */
-    omni_uint_t odd_in_row;       /**< those of them in a row that are as if the sensor pointed elsewhere */
-    omni_flag_t odd;              /**< so is the last reading */
-    omni_flag_t tells;            /**< it says something of where the sensor points: no wheel spins or slides */
-    omni_flag_t right;            /**< it has been known to point right since it was last in trouble */
-    omni_real_t pace_m_s[2];      /**< speed that the last reading says, body axes */
+    omni_uint_t unfit_in_row; /**< the same, with those that led */
+    omni_uint_t long_fits;    /**< that fitted since it was last in trouble, over ways far beyond its noise */
+    omni_uint_t led;          /**< that counted in the wheels' place; each that fits takes one off */
+    omni_uint_t odd_in_row;   /**< those of them in a row that are as if the sensor pointed elsewhere */
+    omni_flag_t odd;          /**< so is the last reading */
+    omni_flag_t tells;        /**< it says something of where the sensor points: no wheel spins or slides */
+    omni_flag_t leads;        /**< the last one led, and five in a row have not fitted since */
+    omni_flag_t right;        /**< it has been known to point right since it was last in trouble */
+    uint64_t pace_us;         /**< tick of the last reading that can be true */
+    omni_real_t pace_m_s[2];  /**< its speed, body axes */
+    omni_real_t still_m[2];   /**< way of the wheels beyond it, along each axis on which it has said nothing since */
+    omni_real_t
+        led_way[OMNI_AXES];       /**< how far those that led have moved the pose beyond the wheels: world, m, m, rad */
     omni_real_t sum[OMNI_AXES];   /**< readings so far that can be true, in body axes: m, m, rad */
     omni_real_t zero_m[2];        /**< way of the wheels over which it said nothing but zero, body axes added up */
     omni_real_t nis;              /**< normalised innovation squared of the last reading */

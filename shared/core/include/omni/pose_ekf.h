@@ -295,6 +295,10 @@ void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf
 void omni_pose_ekf_take_back_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                   const omni_kinematics_t *k, const omni_real_t *taken);
 
+/** The pose is known less by as much. @param doubt standard deviations that are added: x, y [m], heading [rad]. */
+void omni_pose_ekf_doubt_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                              const omni_kinematics_t *k, const omni_real_t *doubt);
+
 /**
  * Use what a sensor of motion over the floor says, if it counts and fits.
  * @return false if the history does not reach back that far: then only the covariance is settled.

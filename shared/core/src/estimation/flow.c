@@ -13,6 +13,7 @@ static const omni_real_t flow_proof_sds = 4.0f;
 static const omni_real_t flow_lead_sds = 12.0f;
 static const omni_real_t flow_led_gate = 0.25f;       /* of the gate, while the wheels may still spin */
 static const omni_real_t flow_lead_noise_m_s = 0.03f; /* steps of the sensor, seen as a speed */
+static const omni_real_t flow_still_m = 0.1f;         /* on ice a body may take so long to start */
 static const omni_real_t flow_odd_share = 0.25f;      /* of how far a reading is from the wheels */
 static const omni_real_t flow_spin_share = 0.15f;     /* of the way, at a wheel: one of three slips by 45 % */
 static const omni_real_t flow_repeat_m = 0.001f;
@@ -106,6 +107,11 @@ static void note_taken(omni_flow_state_t *state, const omni_ekf_flow_result_t *r
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(ekf->pose.theta, &sine, &cosine);
+    const omni_real_t stays = omni_select(state->fixes == ekf->accepted && state->led > 0u, 1.0f, 0.0f);
+    const omni_real_t leads = omni_select(result->led, 1.0f, 0.0f);
+    state->led_way[0] = stays * state->led_way[0] + leads * (cosine * more[0] - sine * more[1]);
+    state->led_way[1] = stays * state->led_way[1] + leads * (sine * more[0] + cosine * more[1]);
+    state->led_way[2] = stays * state->led_way[2] + leads * more[2];
     state->taken[0] = kept * state->taken[0] + cosine * more[0] - sine * more[1];
     state->taken[1] = kept * state->taken[1] + sine * more[0] + cosine * more[1];
     state->taken[2] = kept * state->taken[2] + more[2];
@@ -117,19 +123,54 @@ static omni_flag_t is_proof(const omni_flow_state_t *state, omni_real_t way2) {
     return way2 > flow_proof_m * flow_proof_m && way2 > flow_proof_sds * flow_proof_sds * state->config.r_xy;
 }
 
-/* May it be believed against the wheels? */
-static omni_flag_t may_lead(omni_flow_state_t *state, const omni_ekf_flow_t *flow) {
+/* Has the speed changed by no more than wheels on a floor can change it? The one before is turned into today's axes. */
+static omni_flag_t goes_on(omni_flow_state_t *state, const omni_ekf_flow_t *flow, uint64_t time_us) {
+    const uint64_t since_us = time_us - state->pace_us;
+    const omni_real_t since_s = (omni_real_t)(since_us < flow_hold_us ? since_us : flow_hold_us) * 1e-6f;
+    const omni_real_t most = (omni_real_t)OMNI_FLOW_MOST_M_S2 * since_s + flow_lead_noise_m_s;
     const omni_real_t span_s = (omni_real_t)flow->span_us * 1e-6f;
-    const omni_real_t most = (omni_real_t)OMNI_FLOW_MOST_M_S2 * span_s + flow_lead_noise_m_s;
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(flow->move[2], &sine, &cosine);
+    const omni_real_t before[2] = {cosine * state->pace_m_s[0] + sine * state->pace_m_s[1],
+                                   cosine * state->pace_m_s[1] - sine * state->pace_m_s[0]};
     omni_real_t change2 = 0.0f;
     for (int axis = 0; axis < 2; ++axis) {
         const omni_real_t pace = flow->move[axis] / span_s;
-        change2 += (pace - state->pace_m_s[axis]) * (pace - state->pace_m_s[axis]);
+        change2 += (pace - before[axis]) * (pace - before[axis]);
         state->pace_m_s[axis] = pace;
     }
-    const omni_flag_t goes_on = change2 < most * most && state->led < (omni_uint_t)OMNI_FLOW_LED;
-    state->long_fits = omni_select(goes_on, state->long_fits, 0u);
-    return state->right && state->long_fits >= (omni_uint_t)OMNI_FLOW_LEAD && !state->frozen && !state->askew;
+    state->pace_us = time_us;
+    return change2 < most * most;
+}
+
+/* Does it say that the body stands, along an axis along which the wheels move? */
+static omni_flag_t is_still(const omni_flow_state_t *state) {
+    return omni_absf(state->still_m[0]) > flow_still_m || omni_absf(state->still_m[1]) > flow_still_m;
+}
+
+/* May it be believed against the wheels? Not against pose fixes. */
+static omni_flag_t may_lead(omni_flow_state_t *state, const omni_ekf_flow_t *flow, uint64_t time_us,
+                            const omni_pose_ekf_state_t *ekf) {
+    const omni_flag_t may_go_on = goes_on(state, flow, time_us) && state->led < (omni_uint_t)OMNI_FLOW_LED;
+    state->long_fits = omni_select(may_go_on, state->long_fits, 0u);
+    return state->right && state->long_fits >= (omni_uint_t)OMNI_FLOW_LEAD && !state->frozen && !state->askew &&
+           !is_still(state) && ekf->refused_in_row == 0;
+}
+
+/* It has led, and that was wrong: the pose is as unsure as it has moved it. It must prove itself anew. */
+static void end_lead(omni_flow_state_t *state, omni_flag_t wrong, omni_pose_ekf_state_t *ekf,
+                     const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
+    if (omni_any(wrong && state->led > 0u)) {
+        omni_real_t doubt[OMNI_AXES];
+        for (int axis = 0; axis < OMNI_AXES; ++axis) {
+            doubt[axis] = omni_select(wrong, state->led_way[axis], 0.0f);
+        }
+        omni_pose_ekf_doubt_pose(ekf, ekf_config, k, doubt);
+    }
+    state->led = omni_select(wrong, 0u, state->led);
+    state->leads = state->leads && !wrong;
+    state->long_fits = omni_select(wrong, 0u, state->long_fits);
 }
 
 /* Is the reading as if the sensor pointed elsewhere? That changes no turn and no length. A wheel that spins, or slides,
@@ -152,7 +193,16 @@ static void tell_apart(omni_flow_state_t *state, const omni_ekf_flow_t *flow, co
     const omni_real_t turn_m = k->b[0][2] * (turns ? result->seen[2] - result->rolled[2] : by_gyro);
     const omni_real_t *d = result->rolled;
     const omni_flag_t spins = turn_m * turn_m > flow_spin_share * flow_spin_share * (d[0] * d[0] + d[1] * d[1]);
-    state->odd = is_turned(d, result->seen, turn_m);
+    const omni_real_t known_m = k->b[0][2] * (turns ? result->seen[2] - result->moved[2] : by_gyro);
+    state->odd = is_turned(d, result->seen, turn_m) || is_turned(result->moved, result->seen, known_m);
+    const omni_flag_t turns_alike =
+        omni_absf(turn_m) < flow_odd_share * result->apart_m; /* a spinning wheel's does not */
+    for (int axis = 0; axis < 2; ++axis) {
+        const omni_real_t z = result->seen[axis];
+        const omni_flag_t nothing = z * z < flow_proof_sds * flow_proof_sds * state->config.r_xy;
+        const omni_real_t more_m = omni_select(turns_alike, result->rolled[axis] - z, 0.0f);
+        state->still_m[axis] = omni_select(nothing, state->still_m[axis] + more_m, 0.0f);
+    }
     const omni_real_t unclear_m = turns ? 0.0f : result->expected_m;
     state->led_m = kept_over(result->expected_m) * state->led_m + omni_select(result->led, unclear_m, 0.0f);
     const omni_uint_t more = omni_select(result->led, state->odd_in_row + 1u, state->odd_in_row);
@@ -214,7 +264,7 @@ static void judge_lessons(omni_flow_state_t *state, omni_flag_t stays, omni_pose
 static omni_flag_t may_be_floor(const omni_flow_state_t *state, const omni_ekf_flow_result_t *result) {
     const omni_flag_t slips = result->apart_m < 0.5f * result->expected_m;
     const omni_flag_t right = state->knows && omni_absf(state->off_rad) < flow_right_rad;
-    const omni_flag_t due = state->refused_in_row % (omni_uint_t)OMNI_FLOW_AGAIN == (omni_uint_t)OMNI_FLOW_DOUBT;
+    const omni_flag_t due = state->unfit_in_row % (omni_uint_t)OMNI_FLOW_AGAIN == (omni_uint_t)OMNI_FLOW_DOUBT;
     return due && slips && !state->askew && (state->used > 0u || right);
 }
 
@@ -223,7 +273,9 @@ static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t
                           const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_flag_t fits = result->fits;
     const omni_flag_t refused = !fits && !result->led;
-    state->refused_in_row = omni_select(fits, 0u, state->refused_in_row + 1u);
+    state->unfit_in_row = omni_select(fits, 0u, state->unfit_in_row + 1u);
+    state->refused_in_row =
+        omni_select(refused, state->refused_in_row + 1u, omni_select(fits, 0u, state->refused_in_row));
     state->refused = omni_select(refused, state->refused + 1u, state->refused);
     const omni_flag_t hangs = zero_way(state) > flow_zero_m || state->frozen;
     judge_lessons(state, hangs || result->led, ekf, ekf_config, k);
@@ -239,7 +291,7 @@ static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t
     const omni_real_t share = state->refused_share;
     state->refused_share = share + flow_share_step * (omni_select(refused, 1.0f, 0.0f) - share);
     const omni_flag_t proved = state->good >= (uint32_t)OMNI_FLOW_GOOD;
-    const omni_flag_t too_many = state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED && refused;
+    const omni_flag_t too_many = state->refused_in_row >= (uint32_t)OMNI_FLOW_REFUSED;
     const omni_flag_t failed = hangs || state->askew || too_many || state->refused_share > flow_share_most;
     const omni_flag_t over = state->trouble && proved && !failed;
     state->refused_share = omni_select(over, 0.0f, state->refused_share);
@@ -248,8 +300,10 @@ static void judge_reading(omni_flow_state_t *state, const omni_ekf_flow_result_t
     state->long_fits = omni_select(state->trusted, state->long_fits, 0u);
     const omni_flag_t straight = state->knows && omni_absf(state->off_rad) < flow_right_rad;
     state->right = state->trusted && (state->right || straight);
-    const omni_flag_t rolls = refused || proved;
-    state->led = omni_select(result->led, state->led + 1u, omni_select(rolls, 0u, state->led));
+    state->leads = result->led || (state->leads && !refused && !proved);
+    const omni_uint_t fewer = omni_select(fits && state->led > 0u, state->led - 1u, state->led);
+    state->led = omni_select(result->led, state->led + 1u, fewer);
+    end_lead(state, state->trouble || ekf->refused_in_row > 0, ekf, ekf_config, k);
 }
 
 static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
@@ -275,8 +329,8 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     }
     const omni_flag_t zero = tick->reading[0] == 0.0f && tick->reading[1] == 0.0f;
     flow.counts = state->trusted && !(zero && zero_way(state) > flow_few_zeros_m);
-    const omni_real_t gate = omni_select(state->led > 0u, flow_led_gate, 1.0f) * ekf_config->flow_gate;
-    flow.lead_nis = omni_select(may_lead(state, &flow), gate, 0.0f);
+    const omni_real_t gate = omni_select(state->leads, flow_led_gate, 1.0f) * ekf_config->flow_gate;
+    flow.lead_nis = omni_select(may_lead(state, &flow, tick->time_us, ekf), gate, 0.0f);
     if (!omni_pose_ekf_correct_flow(ekf, ekf_config, k, &flow, &result)) {
         return; /* the estimate has begun anew meanwhile */
     }
@@ -289,7 +343,10 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
     const omni_flag_t counted = flow.counts && (result.fits || result.led);
     note_taken(state, &result, counted, ekf);
     look_for_repeats(state, tick->reading, &result);
-    judge_reading(state, &result, ekf, ekf_config, k);
+    const bool fixed = ekf->last_taken_us + flow.age_us + flow.span_us > ekf->time_us;
+    if (!fixed || omni_any(result.fits || flow.lead_nis == 0.0f)) { /* it would lead, but for a fix within it */
+        judge_reading(state, &result, ekf, ekf_config, k);
+    }
     state->used = omni_select(counted, state->used + 1u, state->used);
     state->counted_m += omni_select(counted, result.expected_m, 0.0f);
     state->good_us = tick->time_us;

@@ -7,7 +7,6 @@
 
 enum { FLOW_ROWS = OMNI_AXES };
 
-static const omni_real_t flow_doubt = 0.3f * 0.3f; /* variance of a slip ratio on a floor that is not known */
 static const omni_real_t largest_nis = 1e9f;
 
 /* One reading on its way into the estimate. Of arrays with FLOW_ROWS rows, `rows` are used. The rest stays zero, so
@@ -33,31 +32,6 @@ typedef struct flow_update_t {
     omni_real_t white[FLOW_ROWS];                  /* innovation over it */
     omni_real_t share[FLOW_ROWS][OMNI_EKF_STATES]; /* covariance of the state with the innovation, over it */
 } flow_update_t;
-
-void omni_pose_ekf_doubt_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                               const omni_kinematics_t *k) {
-    const uint8_t slips = omni_ekf_slips(config, k);
-    omni_pose_ekf_settle(state, config, k);
-    for (uint8_t i = 0; i < slips; ++i) {
-        for (int a = 0; a < OMNI_EKF_STATES; ++a) {
-            state->p[a][OMNI_AXES + i] = 0.0f;
-            state->p[OMNI_AXES + i][a] = 0.0f;
-        }
-        state->p[OMNI_AXES + i][OMNI_AXES + i] = omni_select(flow_doubt > config->p_slip, flow_doubt, config->p_slip);
-    }
-}
-
-void omni_pose_ekf_take_back_flow(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                  const omni_kinematics_t *k, const omni_real_t *taken) {
-    omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
-    omni_pose_ekf_settle(state, config, k);
-    for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        delta[axis] = -taken[axis];
-        state->p[axis][axis] += taken[axis] * taken[axis];
-    }
-    omni_ekf_restart_slips(state, config, omni_ekf_slips(config, k));
-    omni_ekf_shift(state, delta, omni_ekf_columns(config, k));
-}
 
 /* The slots of a reading, from now back. */
 typedef struct flow_part_t {
@@ -415,9 +389,12 @@ static void lead_motion(const flow_update_t *u, omni_pose_ekf_state_t *state, co
         gain[2][i] = u->rows > 2 ? turn : 0.0f;
     }
     forget_slip(u, state, gain);
-    const omni_real_t unseen = u->rows > 2 || u->gyro ? 0.0f : result->apart_m / k->b[0][2];
+    /* What turns the body unseen has the same sign for many readings: its deviations add up, not their squares. */
+    const omni_flag_t by_gyro = u->gyro && window->gain[2][OMNI_EKF_BIAS] != 0.0f;
+    const omni_real_t unseen = omni_select(by_gyro, 0.0f, result->apart_m / omni_absf(k->b[0][2]));
+    const omni_real_t unseen_noise = unseen * (unseen + 2.0f * omni_sqrtf(state->p[2][2]));
     const omni_real_t arm2 = flow->arm_m[0] * flow->arm_m[0] + flow->arm_m[1] * flow->arm_m[1];
-    const omni_real_t turn_noise = u->rows > 2 ? u->r[2] : unseen * unseen;
+    const omni_real_t turn_noise = u->rows > 2 ? u->r[2] : unseen_noise;
     const omni_real_t xy = omni_select(led, u->r[0] + arm2 * turn_noise, 0.0f);
     const omni_real_t theta = omni_select(led, turn_noise, 0.0f);
     const omni_real_t lever[OMNI_AXES] = {-u->since[1], u->since[0], 1.0f};
@@ -476,7 +453,10 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
         u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
     const omni_flag_t known = nis < largest_nis; /* false for NaN: rounding has spoilt the covariance */
     result->nis = omni_select(known, nis, largest_nis);
-    const omni_flag_t led = known && shared && flow->counts && flow->lead_nis > 0.0f && nis > flow->lead_nis;
+    const omni_real_t turned_m = u.move[2] * k->b[0][2];
+    const omni_flag_t moves = result->expected_m * result->expected_m + turned_m * turned_m > 16.0f * flow->r_xy;
+    const omni_flag_t may_lead = flow->counts && flow->lead_nis > 0.0f && moves;
+    const omni_flag_t led = known && shared && may_lead && nis > flow->lead_nis;
     result->led = led;
     result->fits = known && !led && (config->flow_gate == 0.0f || nis <= config->flow_gate);
     const omni_flag_t counts = flow->counts && result->fits;
