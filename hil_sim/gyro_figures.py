@@ -11,6 +11,7 @@ import argparse
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,25 +40,33 @@ class Setting:
     parameters: Mapping[str, float] = field(default_factory=dict)
     scale_sd: float = 0.0
     seconds: int = 120
+    stand_s: int = STAND_TICKS // 1000
 
 
 def noise_of(name: str) -> Setting:
-    """Return the world whose gyro is this chip: noise, offset and scale as its row in shared/params.toml has them."""
+    """Return the world whose gyro is this chip: noise, offset, scale and delay as its row in shared/params.toml has."""
     chip = parameter_table().gyro_chips[name]
     return Setting(
         f"no fixes, {name}",
-        world={"gyro_noise_density": math.radians(chip.noise_dps), "gyro_bias_rad_s": math.radians(chip.offset_dps)},
+        world={
+            "gyro_noise_density": math.radians(chip.noise_dps),
+            "gyro_bias_rad_s": math.radians(chip.offset_dps),
+            "gyro_lag_s": 1e-3 * chip.delay_ms,
+        },
         parameters={"GYRO_ND": math.radians(chip.noise_dps), "GYRO_S_SD": chip.scale_error},
         scale_sd=chip.scale_error,
     )
 
 
-_NONE = {"fix_rate_Hz": 0.0}
+_NONE, _WARM = {"fix_rate_Hz": 0.0}, {"gyro_warm_up_K": 10.0}
 SETTINGS = (
     Setting("no fixes"),
     Setting("no fixes, slip to 30 %", world={"slip_max": 0.3}),
     Setting("no fixes, slip drawn each 0.5 s", world={"slip_time_s": 0.5}),
     Setting("no fixes, scale off by 0.5 %, tilt 2°", world={"gyro_tilt_rad": 0.035}, scale_sd=0.005),
+    Setting("no fixes, chip warms up by 10 K", world=_WARM),
+    Setting("no fixes, the same with `GYRO_BRW` 5e-5", world=_WARM, parameters={"GYRO_BRW": 5e-5}),
+    Setting("no fixes, the same after ten minutes at rest", world=_WARM, stand_s=600),
     *(noise_of(name) for name in parameter_table().gyro_chips),
     Setting("no fixes, four wheels", robot="four_wheel"),
     Setting("no fixes, ideal wheels", world=IDEAL_WHEELS),
@@ -103,19 +112,15 @@ def scenario_of(setting: Setting, seed: int, gyro: bool) -> Scenario:
 
 def drive(setting: Setting, seed: int, gyro: bool) -> tuple[Array, bool]:
     """Drive a setting with a seed. Return a row per look, and whether the gyro's warning showed."""
-    rows, faults = drive_scenario(scenario_of(setting, seed, gyro), f"{setting.title}, seed {seed}", setting.seconds)
+    title = f"{setting.title}, seed {seed}"
+    rows, faults = drive_scenario(scenario_of(setting, seed, gyro), title, setting.seconds, 1000 * setting.stand_s)
     return rows, bool(faults & lib.OMNI_WARN_GYRO)
 
 
-def drive_scenario(
-    scenario: Scenario, title: str, seconds: int, stand_ticks: int = STAND_TICKS, last_fix_s: int | None = None
-) -> tuple[Array, int]:
-    """Stand for three seconds, or ``stand_ticks``, then drive. Return a row per look, and the fault bits that showed.
+def start_run(scenario: Scenario, title: str, stand_ticks: int = STAND_TICKS) -> tuple[Any, Any]:
+    """Begin a run, tell the robot where it is, let it stand, and send it on its way. Raises RuntimeError.
 
-    After ``last_fix_s`` of driving no fix is taken any more.
-
-    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances. The
-    last two are x and y of the robot [m]. Raises RuntimeError.
+    The second value is the run's configuration; keep it for as long as the run.
     """
     world = new_world(scenario).c
     config = core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
@@ -132,6 +137,20 @@ def drive_scenario(
     if lib.hil_run_start_trajectory(run) != lib.OMNI_OK:
         raise RuntimeError(f"{title}: the path cannot be driven")
     run.inputs.events |= lib.OMNI_EVENT_ARM
+    return run, config
+
+
+def drive_scenario(
+    scenario: Scenario, title: str, seconds: int, stand_ticks: int = STAND_TICKS, last_fix_s: int | None = None
+) -> tuple[Array, int]:
+    """Stand for ``stand_ticks``, then drive. Return a row per look, and the fault bits that showed.
+
+    After ``last_fix_s`` of driving no fix is taken any more.
+
+    A row is heading error [rad], its variance as the filter has it, x and y error [m], the sum of their variances. The
+    last two are x and y of the robot [m]. Raises RuntimeError.
+    """
+    run, _config = start_run(scenario, title, stand_ticks)
     rows, faults = [], 0
     for look in range(seconds * 1000 // LOOK_TICKS):
         if last_fix_s is not None and look * LOOK_TICKS == last_fix_s * 1000:

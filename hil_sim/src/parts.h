@@ -20,6 +20,7 @@ enum {
     HIL_STREAM_ROLLERS = 28, /* per wheel */
     HIL_STREAM_GYRO = 40,    /* per axis */
     HIL_STREAM_GYRO_BIAS = 43,
+    HIL_STREAM_GYRO_DRIFT = 46,
     HIL_STREAM_FLOW = 60, /* x, y, turn */
     HIL_STREAM_FLOW_BIAS = 63,
     HIL_STREAM_FLOW_DROP

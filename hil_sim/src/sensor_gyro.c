@@ -4,9 +4,13 @@
  *
  *   reading = (1 + scale error) (rate + bias + noise),    limited to the range and rounded to its 32768th part
  *
- * Noise is white: its standard deviation per sample is the density times the root of the rate. The bias starts anywhere
- * and walks. The chip's axes are those of the body, turned so that one of them points up, and tilted.
+ * Noise is white: its standard deviation per sample is the density times the root of the rate. The bias starts anywhere,
+ * walks, and changes as the chip warms up: warmth = end (1 - e^(-t/T)). The chip's axes are those of the body, turned so
+ * that one of them points up, and tilted. So the body's roll and pitch on its rollers shake the readings. The chip's
+ * filter is one of first order, y' = (rate - y)/T. Between two looks the rate changes evenly.
  */
+#include <string.h>
+
 #include "hil_sim/random.h"
 #include "sensor.h"
 
@@ -24,6 +28,17 @@ static void turn_about_chip(const hil_world_t *world, hil_real_t *rates) {
     rates[2] = tilt[1] * world->rise_rate[1] + tilt[0] * world->twist[2];
 }
 
+static void warm_gyro_up(hil_world_t *world) {
+    const hil_world_config_t *config = &world->config;
+    const hil_real_t left = hil_exp(-1e-6 * (double)world->time_us / config->gyro_warm_up_s);
+    const hil_real_t warmer_K = config->gyro_warm_up_K * (1.0 - left) - world->gyro_warmth_K;
+    for (uint32_t axis = 0; axis < GYRO_AXES; axis++) {
+        const hil_real_t drawn = hil_normal(config->seed, HIL_STREAM_GYRO_DRIFT + axis, 0);
+        world->gyro_bias[axis] += config->gyro_drift_per_K * drawn * warmer_K;
+    }
+    world->gyro_warmth_K += warmer_K;
+}
+
 static void walk_gyro_bias(hil_world_t *world) {
     const hil_world_config_t *config = &world->config;
     const uint64_t step = world->time_us / BIAS_STEP_US;
@@ -39,6 +54,27 @@ static void walk_gyro_bias(hil_world_t *world) {
         }
     }
     world->gyro_bias_step = step;
+    warm_gyro_up(world);
+}
+
+/* The chip's filter goes on to now. */
+static void filter_gyro(hil_world_t *world) {
+    const double lag_s = world->config.gyro_lag_s;
+    const double passed_s = 1e-6 * (double)(world->time_us - world->gyro_late_us);
+    hil_real_t rates[GYRO_AXES];
+    turn_about_chip(world, rates);
+    if (lag_s <= 0.0 || passed_s <= 0.0) {
+        memcpy(world->gyro_late, rates, sizeof rates);
+    } else {
+        const double kept = exp(-passed_s / lag_s);
+        for (uint32_t axis = 0; axis < GYRO_AXES; axis++) {
+            const hil_real_t before = world->gyro_rate[axis];
+            const hil_real_t behind = (rates[axis] - before) * (lag_s / passed_s); /* once it has settled */
+            world->gyro_late[axis] = rates[axis] - behind + (world->gyro_late[axis] - before + behind) * kept;
+        }
+    }
+    memcpy(world->gyro_rate, rates, sizeof rates);
+    world->gyro_late_us = world->time_us;
 }
 
 static void take_gyro_sample(hil_world_t *world) {
@@ -48,9 +84,8 @@ static void take_gyro_sample(hil_world_t *world) {
     const hil_real_t offset = hil_fault_value(world, HIL_FAULT_GYRO_OFFSET, 0.0);
     const int32_t up = config->gyro_axis == 0 ? GYRO_AXES : config->gyro_axis;
     const uint32_t last = (uint32_t)(up < 0 ? -up : up) % GYRO_AXES;
-    hil_real_t rates[GYRO_AXES];
+    const hil_real_t *rates = world->gyro_late;
     walk_gyro_bias(world);
-    turn_about_chip(world, rates);
     for (uint32_t i = 0; i < GYRO_AXES; i++) {
         const uint32_t axis = (last + i) % GYRO_AXES;
         const hil_real_t rate = up < 0 && i != 0 ? -rates[i] : rates[i];
@@ -68,6 +103,7 @@ static void sample_gyro(hil_world_t *world) {
     if (config->gyro_rate_Hz <= 0.0) {
         return;
     }
+    filter_gyro(world);
     const uint64_t due_us = (uint64_t)((double)world->gyro_samples * 1e6 / config->gyro_rate_Hz + 0.5);
     if (due_us <= world->time_us) {
         if (hil_fault_find(world, HIL_FAULT_GYRO_STUCK, HIL_MAX_WHEELS) == NULL) {

@@ -150,3 +150,30 @@ def test_the_heading_is_better_and_as_sure_as_it_says(title: str) -> None:
 def test_the_page_says_what_the_figures_command_says(setting: gyro_figures.Setting) -> None:
     page = (ROOT / "docs" / "guides" / "gyro.md").read_text(encoding="utf-8")
     assert gyro_figures.row(setting, gyro_figures.SEEDS) in page.splitlines()
+
+
+def test_its_chip_warms_up_and_its_bias_with_it() -> None:
+    steady = {"gyro_noise_density": 0.0, "gyro_bias_walk": 0.0, "gyro_range_rad_s": 1.0}
+    warm = {**steady, "gyro_warm_up_K": 10.0, "gyro_warm_up_s": 2.0, "gyro_drift_per_K": 1e-3}
+    drifts = []
+    for seed in range(40):
+        cold, hot = (readings(6000, seed, **world)[0] for world in (steady, warm))
+        drift = hot - cold
+        assert np.abs(drift[0]).max() == 0.0
+        assert drift[2000] == pytest.approx(drift[-1] * (1.0 - math.exp(-1.0)) / (1.0 - math.exp(-3.0)), abs=1e-4)
+        drifts.append(drift[-1])
+    assert np.std(drifts) == pytest.approx(1e-2 * (1.0 - math.exp(-3.0)), rel=0.2)
+
+
+def test_its_filter_delays_a_turn_by_its_time_constant() -> None:
+    scenario = with_gyro(load_scenario("fast"), gyro_lag_s=0.004)
+    run, _config = gyro_figures.start_run(scenario, "fast")
+    rates = []
+    for _ in range(8000):
+        lib.hil_run_advance(run, 1)
+        rates.append((run.world.twist[2], run.world.gyro_late[2]))
+    true, late = np.array(rates).T
+    assert np.abs(true).max() > 0.5
+    behind_rad = np.cumsum((true - late)[1:] + (true - late)[:-1]) * 0.5e-3
+    assert behind_rad == pytest.approx(0.004 * (late[1:] - late[0]), abs=2e-5)
+    assert np.abs(behind_rad).max() > 1e-3

@@ -64,6 +64,7 @@ static void make_state(void) {
     robot.estimator.flow.right = any_bool();
     robot.estimator.flow.odd = any_bool();
     robot.estimator.flow.tells = any_bool();
+    robot.estimator.flow.leads = any_bool();
 }
 
 /* What make_state takes for granted holds again. */
