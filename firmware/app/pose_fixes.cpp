@@ -78,8 +78,15 @@ bool PoseFixes::frozen(const omni_pose_t &world) {
     return travelled_ > frozen_travel;
 }
 
-/// @param covariance row-major upper triangle of 6 x 6 (x, y, yaw are elements 0, 6, 20), or nullptr.
+/// @param covariance row-major upper triangle of 6 x 6: x, y, yaw are elements 0, 6, 20.
 void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance) {
+    const float x = standard_deviation(covariance[0]);
+    const float y = standard_deviation(covariance[6]);
+    accept(world, stamp_us, x > y ? x : y, standard_deviation(covariance[20]));
+}
+
+/// @param sd_xy, sd_theta standard deviations [m, rad]; 0: not known.
+void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta) {
     if (!omni_pose_is_finite(&world)) {
         complain("not finite");
         return;
@@ -91,12 +98,8 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float 
     omni_pose_fix_t fix{};
     fix.time_us = time_of(stamp_us);
     fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};
-    if (covariance != nullptr) {
-        const float x = standard_deviation(covariance[0]);
-        const float y = standard_deviation(covariance[6]);
-        fix.sd_xy = x > y ? x : y;
-        fix.sd_theta = standard_deviation(covariance[20]);
-    }
+    fix.sd_xy = sd_xy;
+    fix.sd_theta = sd_theta;
     wait(fix);
     serve();
 }
@@ -117,7 +120,8 @@ void PoseFixes::on_compact(const Frame &frame) {
     const auto message = frame.as<mavlink_omni_pose_fix_t>();
     const omni_pose_t pose = {static_cast<float>(message.x_mm) * 1e-3f, static_cast<float>(message.y_mm) * 1e-3f,
                               static_cast<float>(message.theta_mrad10) * 1e-4f};
-    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0, nullptr);
+    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0,
+           static_cast<float>(message.sd_xy_mm10) * 1e-4f, static_cast<float>(message.sd_theta_mrad10) * 1e-4f);
 }
 
 } // namespace omni

@@ -31,6 +31,7 @@ private:
     static constexpr size_t most_waiting = 8;
     void wait(const omni_pose_fix_t &fix);
     void accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance);
+    void accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta);
     uint64_t time_of(uint64_t stamp_us) const;
     bool frozen(const omni_pose_t &world);
     void complain(const char *why);

@@ -292,9 +292,15 @@ class Robot:
             action()
             self.pump(min(SETPOINT_PERIOD_S, max(0.0, end - self.connection.clock())))
 
-    def send_pose_fix(self, x: float, y: float, theta: float, time_us: int = 0) -> None:
-        """Send a measured world pose, as from motion capture; ``time_us`` in the robot's clock, 0: unknown."""
-        self.send(pose_fix_message(Pose(x, y, theta), time_us))
+    def send_pose_fix(
+        self, x: float, y: float, theta: float, time_us: int = 0, *, sd_xy_m: float = 0.0, sd_theta_rad: float = 0.0
+    ) -> None:
+        """Send a measured world pose, as from motion capture; ``time_us`` in the robot's clock, 0: unknown.
+
+        ``sd_xy_m`` and ``sd_theta_rad`` are its standard deviations, of x and of y, and of theta. 0: not known, and
+        the robot takes ``EKF_R_XY`` and ``EKF_R_TH``.
+        """
+        self.send(pose_fix_message(Pose(x, y, theta), time_us, sd_xy_m, sd_theta_rad))
 
     def set_pose_estimate(self, x: float, y: float, theta: float) -> None:
         """Restart the pose estimate here; only while disarmed."""

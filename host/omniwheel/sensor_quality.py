@@ -103,6 +103,8 @@ class FloorWatch:
             text = f"{counts}; not usable: the wheels alone count"
         elif not state.readings_used and not advice:
             text = f"{counts}; a drive has yet to prove it"
+        elif state.leads:
+            text = f"{counts}; it leads: wheels spin or slide"
         else:
             text = counts
         return SensorQuality(FLOOR.name, state.usable and not advice, text, advice)

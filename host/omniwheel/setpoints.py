@@ -26,7 +26,9 @@ _IGNORE_YAW = _M.POSITION_TARGET_TYPEMASK_YAW_IGNORE
 _IGNORE_YAW_RATE = _M.POSITION_TARGET_TYPEMASK_YAW_RATE_IGNORE
 _FRAMES = {"body": _M.MAV_FRAME_BODY_FRD, "world": _M.MAV_FRAME_LOCAL_NED}
 _UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
-_INT16_MAX = 32767
+_X, _Y, _YAW = 0, 6, 20
+"""Places in the row-major upper triangle of a covariance of x, y, z, roll, pitch, yaw."""
+_INT16_MAX, _UINT16_MAX = 32767, 65535
 _MAX_TIME_MS = 2**32 - 1
 
 
@@ -91,22 +93,46 @@ def _target(connection: Connection, frame: int, mask: int, pose: Pose, twist: Tw
     return message
 
 
-def pose_fix_message(pose: Pose, time_us: int) -> Message:
-    """Return a pose fix as VICON_POSITION_ESTIMATE."""
+def pose_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta_rad: float = 0.0) -> Message:
+    """Return a pose fix as VICON_POSITION_ESTIMATE.
+
+    ``sd_xy_m`` and ``sd_theta_rad`` are standard deviations: of x and of y, and of theta; 0: not known, and the robot
+    takes ``EKF_R_XY`` and ``EKF_R_TH``. Raises SetpointError for what is not finite, or negative.
+    """
     _all_finite(pose)
     x, y, yaw = flip(*pose)
-    message: Message = _M.MAVLink_vicon_position_estimate_message(
-        time_us, x, y, 0.0, 0.0, 0.0, yaw, _UNKNOWN_COVARIANCE
-    )
+    covariance = list(_UNKNOWN_COVARIANCE)
+    if _known("sd_xy_m", sd_xy_m):
+        covariance[_X] = covariance[_Y] = sd_xy_m**2
+    if _known("sd_theta_rad", sd_theta_rad):
+        covariance[_YAW] = sd_theta_rad**2
+    message: Message = _M.MAVLink_vicon_position_estimate_message(time_us, x, y, 0.0, 0.0, 0.0, yaw, covariance)
     return message
 
 
-def compact_fix_message(pose: Pose, time_us: int) -> Message:
-    """Return a pose fix as OMNI_POSE_FIX: millimetres, 0.1 mrad, milliseconds; SetpointError beyond 32.767 m."""
+def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta_rad: float = 0.0) -> Message:
+    """Return a pose fix as OMNI_POSE_FIX: millimetres, 0.1 mrad, milliseconds, standard deviations in 0.1 mm or mrad.
+
+    As :func:`pose_fix_message`. Raises SetpointError beyond 32.767 m, too.
+    """
     _all_finite(pose)
     x_mm, y_mm = round(pose.x * 1e3), round(pose.y * 1e3)
     if max(abs(x_mm), abs(y_mm)) > _INT16_MAX:
         raise SetpointError(f"x = {pose.x:g} m, y = {pose.y:g} m: a compact pose fix reaches 32.767 m at most")
     theta = round(math.remainder(pose.theta, math.tau) * 1e4)
-    message: Message = _M.MAVLink_omni_pose_fix_message(min(round(time_us / 1e3), _MAX_TIME_MS), x_mm, y_mm, theta)
+    sds = [_tenths("sd_xy_m", sd_xy_m), _tenths("sd_theta_rad", sd_theta_rad)]
+    time_ms = min(round(time_us / 1e3), _MAX_TIME_MS)
+    message: Message = _M.MAVLink_omni_pose_fix_message(time_ms, x_mm, y_mm, theta, *sds)
     return message
+
+
+def _known(name: str, sd: float) -> bool:
+    """Whether a standard deviation is known: above 0. Raises SetpointError for what is none."""
+    if finite(name, sd) < 0.0:
+        raise SetpointError(f"{name} is {sd:g}; a standard deviation is not negative. 0: not known")
+    return sd > 0.0
+
+
+def _tenths(name: str, sd: float) -> int:
+    """Return a standard deviation in 0.1 mm or 0.1 mrad, rounded up: 0 says that it is not known."""
+    return min(math.ceil(1e4 * sd), _UINT16_MAX) if _known(name, sd) else 0

@@ -45,9 +45,9 @@ def mocap(place: Place, time_us: int = 0, spread: list[float] = NONE) -> bytes:
 
 
 def compact(place: Place, time_us: int = 0, spread: list[float] = NONE) -> bytes:
-    assert spread is NONE
     x_mm, y_mm = round(place[0] * 1000), round(-place[1] * 1000)
-    return frame("omni_pose_fix", time_us // 1000, x_mm, y_mm, round(-place[2] * 10_000))
+    sds = () if spread is NONE else (round(1e4 * math.sqrt(spread[0])), round(1e4 * math.sqrt(spread[20])))
+    return frame("omni_pose_fix", time_us // 1000, x_mm, y_mm, round(-place[2] * 10_000), *sds)
 
 
 KINDS: dict[str, Callable[..., bytes]] = {"vicon": vicon, "mocap": mocap, "compact": compact}
@@ -89,10 +89,13 @@ def test_every_kind_of_fix_brings_the_estimate_to_its_place(robot: FakeRobot, ki
     assert math.remainder(at[2] - place[2], math.tau) == pytest.approx(0.0, abs=4e-3)
 
 
-def spread_after(robot: FakeRobot, x: float, y: float, yaw: float) -> tuple[float, float]:
+def spread_after(
+    robot: FakeRobot, x: float, y: float, yaw: float, kind: Callable[..., bytes] = vicon
+) -> tuple[float, float]:
     start = robot.keep()
     for _ in range(20):
-        robot.send(USB, vicon((0.0, 0.0, 0.0), now_us(robot), covariance(x, y, yaw)))
+        spread = NONE if math.isnan(x) else covariance(x, y, yaw)
+        robot.send(USB, kind((0.0, 0.0, 0.0), now_us(robot), spread))
         robot.tick(5)
     sd = robot.asked("OMNI_TRACKING").pose_sd
     robot.go_back(start)
@@ -109,6 +112,13 @@ def test_what_a_fix_says_of_its_spread_counts_and_of_a_plane_the_worse_axis(robo
     assert unsure[1] > 1.5 * exact[1]
     unknown = spread_after(robot, math.nan, math.nan, math.nan)
     assert unknown == pytest.approx(spread_after(robot, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize("sds", [(0.001, 0.001), (0.02, 0.001), (0.001, 0.02), (0.0, 0.0), (math.nan, math.nan)])
+def test_a_compact_fix_counts_as_much_as_a_long_one(robot: FakeRobot, sds: tuple[float, float]) -> None:
+    put(robot, (0.0, 0.0, 0.0))
+    xy, yaw = sds
+    assert spread_after(robot, xy, xy, yaw, compact) == pytest.approx(spread_after(robot, xy, xy, yaw), rel=1e-4)
 
 
 def turning(robot: FakeRobot, seconds: float) -> list[Place]:

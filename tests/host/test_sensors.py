@@ -53,6 +53,7 @@ FITS = FlowState(
     readings_lost=0,
     direction_off_rad=0.0,
     usable=True,
+    leads=False,
 )
 AT_ONCE_S = 3.0
 
@@ -155,6 +156,12 @@ def test_a_few_degrees_and_a_few_readings_are_no_reason_to_warn() -> None:
     assert floor(replace(FITS, direction_off_rad=math.radians(4.0))).good
     assert floor(replace(FITS, readings_used=10, readings_refused=9)).good
     assert floor(replace(FITS, readings_came=20, readings_lost=19)).good
+
+
+def test_one_that_leads_is_said_and_nothing_has_to_be_done() -> None:
+    quality = floor(replace(FITS, leads=True))
+    assert quality.good
+    assert quality.text.endswith("it leads: wheels spin or slide")
 
 
 def test_before_it_has_proved_itself_nothing_is_wrong() -> None:

@@ -88,8 +88,10 @@ def bridge(
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
         with Bridge(stream, url, settings, timeout_s=timeout) as running:
-            if settings.possible_rate_Hz < rate:
-                note(f"{budget:g} B/s carry {settings.possible_rate_Hz:.1f} of {rate:g} fixes/s", quiet=as_json)
+            is_camera = source.startswith("camera:")
+            possible_Hz = settings.possible_rate_sd_Hz if is_camera else settings.possible_rate_Hz
+            if possible_Hz < rate:
+                note(f"{budget:g} B/s carry {possible_Hz:.1f} of {rate:g} fixes/s", quiet=as_json)
             note(f"{stream.name} → {url}; Ctrl-C ends", quiet=as_json)
             try:
                 running.run(duration, None if as_json else _progress)

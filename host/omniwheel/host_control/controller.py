@@ -190,7 +190,7 @@ class HostController:
             return True
         self._predict_until(measured.arrived_s)
         fix = ffi.new("omni_pose_fix_t *", {"time_us": max(0, self._time_us(measured.taken_s))})
-        fix.pose = tuple(measured.pose)
+        fix.pose, fix.sd_xy, fix.sd_theta = tuple(measured.pose), measured.sd_xy_m, measured.sd_theta_rad
         kinematics = ffi.addressof(self._core.config, "kinematics")
         used = bool(lib.omni_pose_ekf_correct(self._core.ekf, config, kinematics, fix) == lib.OMNI_OK)
         if used:

@@ -33,11 +33,13 @@ from omniwheel.robot import Robot, connect
 from omniwheel.setpoints import compact_fix_message, pose_fix_message
 from omniwheel.timesync import TimeSync
 
-MESSAGES: dict[str, Callable[[Pose, int], Message]] = dict(
+MESSAGES: dict[str, Callable[[Pose, int, float, float], Message]] = dict(
     zip(MOCAP_MESSAGES, (compact_fix_message, pose_fix_message), strict=True)
 )
 FRAME_BYTES = {"compact": 22, "vicon": 48}
-"""Largest frame of each kind without signature [bytes]."""
+"""Largest frame of each kind without signature, of a fix that does not say how good it is [bytes]."""
+FRAME_BYTES_SD = {"compact": 26, "vicon": 128}
+"""The same of a fix that does."""
 OVERHEAD_BYTES = 64
 """What may go out at once beside a fix: a TIMESYNC request and a command."""
 _POLL_S = 0.01
@@ -66,8 +68,13 @@ class BridgeSettings:
 
     @property
     def possible_rate_Hz(self) -> float:
-        """The rate that the budget allows."""
+        """The rate that the budget allows, for fixes that do not say how good they are."""
         return min(self.rate_Hz, self.budget_bytes_s / FRAME_BYTES[self.message])
+
+    @property
+    def possible_rate_sd_Hz(self) -> float:
+        """The same for fixes that do, as those of a camera."""
+        return min(self.rate_Hz, self.budget_bytes_s / FRAME_BYTES_SD[self.message])
 
 
 @dataclass
@@ -117,8 +124,8 @@ class Bridge:
         self.counts = BridgeCounts()
         self._source = source
         self._clock = clock
-        self._frame_bytes = FRAME_BYTES[settings.message]
-        self._budget = ByteBudget(settings.budget_bytes_s, self._frame_bytes + OVERHEAD_BYTES, clock)
+        burst_bytes = FRAME_BYTES[settings.message] + OVERHEAD_BYTES
+        self._budget = ByteBudget(settings.budget_bytes_s, burst_bytes, clock)
         base = open_shared(link, timeout_s=timeout_s) if isinstance(link, str) else link
         self._link = MeteredLink(base, self._budget)
         self.robot: Robot = connect(self._link, timeout_s=timeout_s, heartbeat=False, clock=clock)
@@ -178,15 +185,20 @@ class Bridge:
         if now_s - measured.taken_s > self.settings.max_age_s:
             self.counts.stale += 1
             self._waiting = None
-        elif now_s >= self._next_s and self._budget.admits(self._frame_bytes):
+        elif now_s >= self._next_s and self._budget.admits(self._frame_bytes(measured)):
             self._waiting = None
             self._next_s = max(self._next_s + 1.0 / self.settings.rate_Hz, now_s)
             self._send(measured, now_s)
 
+    def _frame_bytes(self, measured: MocapPose) -> int:
+        told = measured.sd_xy_m > 0.0 or measured.sd_theta_rad > 0.0
+        return (FRAME_BYTES_SD if told else FRAME_BYTES)[self.settings.message]
+
     def _send(self, measured: MocapPose, now_s: float) -> None:
         time_us = max(1, self._sync.robot_time_us(measured.taken_s))
         try:
-            message = MESSAGES[self.settings.message](measured.pose, time_us)
+            make = MESSAGES[self.settings.message]
+            message = make(measured.pose, time_us, measured.sd_xy_m, measured.sd_theta_rad)
         except SetpointError:
             self.counts.refused += 1
             return

@@ -15,13 +15,16 @@ class MocapPose:
     """One measured world pose: x, y [m], theta [rad, -pi..pi, counter-clockwise].
 
     ``taken_s`` is when the cameras saw it and ``arrived_s`` when this computer had it, both on the source's clock.
-    ``frame`` is the stream's own number of the frame.
+    ``frame`` is the stream's own number of the frame. The standard deviations are those of x and of y, and of theta;
+    0: the source does not know them.
     """
 
     pose: Pose
     taken_s: float
     arrived_s: float
     frame: int
+    sd_xy_m: float = 0.0
+    sd_theta_rad: float = 0.0
 
 
 class MocapSource(Protocol):

@@ -296,8 +296,8 @@ class Session:
         if not parameters.complete or sensors_of(parameters.known) == self.sensors:
             return
         ask_for(robot, self.sensors, None)
-        set_automatic_rate(robot)
         self.sensors = sensors_of(parameters.known)
+        ask_for(robot, self.sensors, RADIO_RATE_HZ if is_slow(robot.url) else PLOT_RATE_HZ)
 
     def _page_is_lost(self) -> bool:
         return self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S

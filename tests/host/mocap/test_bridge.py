@@ -22,7 +22,7 @@ from omniwheel.errors import LinkTimeoutError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.link import open_link
 from omniwheel.mocap import Bridge, BridgeSettings, MocapPose
-from omniwheel.mocap.bridge import FRAME_BYTES, MESSAGES, OVERHEAD_BYTES
+from omniwheel.mocap.bridge import FRAME_BYTES, FRAME_BYTES_SD, MESSAGES, OVERHEAD_BYTES
 from omniwheel.mocap.simulated import Cameras, SimulatedSource
 from omniwheel.telemetry import Tracking
 from tests.host.mocap.natnet_server import Body, Server
@@ -203,6 +203,45 @@ def test_rate_and_frame_sizes(lab: Callable[..., Lab]) -> None:
     fixes = here.fixes("compact")
     assert len(fixes) == pytest.approx(20, abs=1)
     assert all(len(message.get_msgbuf()) <= FRAME_BYTES["compact"] for _, message in fixes)
+
+
+class Telling:
+    """A source whose poses say how good they are."""
+
+    def __init__(self, source: SimulatedSource, sd: float) -> None:
+        self._source, self._sd = source, sd
+        self.name, self.clock, self.close, self.ended = source.name, source.clock, source.close, False
+
+    def read(self, timeout_s: float) -> MocapPose | None:
+        pose = self._source.read(timeout_s)
+        return None if pose is None else replace(pose, sd_xy_m=self._sd, sd_theta_rad=self._sd)
+
+
+@pytest.mark.parametrize("kind", list(MESSAGES))
+def test_how_good_a_pose_is_reaches_the_robot(lab: Callable[..., Lab], kind: str) -> None:
+    """The robot believes a fix as far as its source does: twenty of 50 mm move it less than twenty of 1 mm."""
+    left = []
+    for sd in (0.001, 0.05, 0.0):
+        here = lab(EKF_GATE=0.0, EKF_ADAPT=0.0)
+        source = Telling(cameras(here, latency_s=0.02, sd_xy_m=0.0, sd_theta_rad=0.0), sd)
+        with Bridge(source, here, BridgeSettings(message=kind, budget_bytes_s=3000.0), clock=here.clock) as bridge:
+            bridge.run(1.0)
+            left.append(bridge.robot.status.tracking.pose_sd[0])
+        sizes = {len(message.get_msgbuf()) for _, message in here.fixes(kind)}
+        assert max(sizes) <= (FRAME_BYTES if sd == 0.0 else FRAME_BYTES_SD)[kind]
+    assert left[0] < 0.5 * left[2] < 0.25 * left[1]
+
+
+def test_a_pose_that_says_how_good_it_is_keeps_the_budget(lab: Callable[..., Lab]) -> None:
+    here = lab()
+    source = Telling(cameras(here, rate_Hz=100.0, latency_s=0.01), 0.002)
+    with Bridge(source, here, BridgeSettings("vicon", rate_Hz=50.0, budget_bytes_s=480.0), clock=here.clock) as bridge:
+        here.sent.clear()
+        start_s = here.clock()
+        statistics = bridge.run(6.0)
+    most = 480.0 * (here.clock() - start_s) + FRAME_BYTES_SD["vicon"] + OVERHEAD_BYTES
+    assert sum(len(message.get_msgbuf()) for _, message in here.sent) <= most
+    assert statistics.sent / 6.0 == pytest.approx(480.0 / FRAME_BYTES_SD["vicon"], rel=0.15)
 
 
 def test_a_stream_that_stops_is_silence_and_one_that_comes_back_goes_on(lab: Callable[..., Lab]) -> None:

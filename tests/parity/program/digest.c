@@ -72,6 +72,7 @@ static const field_t fields[] = {
     WHOLE(flow_lost),
     REALS(flow_off_rad),
     WHOLE(flow_usable),
+    WHOLE(flow_leads),
     REALS(motor_heat),
     REALS(current_cut),
     REALS(stop.current_A),
@@ -79,8 +80,8 @@ static const field_t fields[] = {
 
 enum {
     FIELDS = sizeof fields / sizeof fields[0],
-    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3, at the end 7. */
-    PADDING = 5 + 3 + 7
+    /* After config_sequence 2, after stop.wheel 3, after gyro_used 3, at the end 6. */
+    PADDING = 5 + 3 + 6
 };
 
 bool digest_is_complete(void) {

@@ -80,6 +80,16 @@ class Located:
     noise: Array
     bias: Array
 
+    @property
+    def sd_xy_m(self) -> float:
+        """Standard deviation of x and y in the worst direction, noise and bias together."""
+        return math.sqrt(max(0.0, float(np.linalg.eigvalsh((self.noise + self.bias)[:2, :2])[-1])))
+
+    @property
+    def sd_theta_rad(self) -> float:
+        """Standard deviation of the heading, noise and bias together."""
+        return math.sqrt(max(0.0, float((self.noise + self.bias)[2, 2])))
+
 
 def locate(eye: Eye, tags: Sequence[PlacedTag], corners: Mapping[int, Array]) -> Located | None:
     """Return the pose of the body that carries ``tags``, of which ``corners`` [px] are seen; None if there is none.

@@ -96,7 +96,8 @@ class CameraSource:
         if seen.found is None:
             self.reasons[seen.reason] = self.reasons.get(seen.reason, 0) + 1
             return None
-        return MocapPose(seen.found.pose, frame.taken_s - self._latency_s, self._clock(), frame.number)
+        found, taken_s = seen.found, frame.taken_s - self._latency_s
+        return MocapPose(found.pose, taken_s, self._clock(), frame.number, found.sd_xy_m, found.sd_theta_rad)
 
     def _serve(self) -> None:
         try:

@@ -202,6 +202,7 @@ typedef struct omni_outputs_t {
     omni_uint_t flow_lost;    /**< those without a way */
     omni_real_t flow_off_rad; /**< direction of its x axis, seen from where it should point; 0: not known */
     omni_flag_t flow_usable;
+    omni_flag_t flow_leads; /**< it has taken the place of wheels that spin */
 } omni_outputs_t;
 
 /** What a position controller asks for, and so what follows it on the way to the wheels. */

@@ -118,6 +118,7 @@ static void report_flow(const omni_flow_state_t *flow, omni_outputs_t *outputs) 
     outputs->flow_lost = flow->lost;
     outputs->flow_off_rad = flow->off_rad;
     outputs->flow_usable = !flow->trouble && !flow->silent;
+    outputs->flow_leads = flow->leads;
 }
 
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
@@ -156,6 +157,7 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
     outputs->flow_lost = 0u;
     outputs->flow_off_rad = 0.0f;
     outputs->flow_usable = false;
+    outputs->flow_leads = false;
     if (config->flow.axes != 0) {
         report_flow(&estimator->flow, outputs);
     }
