@@ -4,10 +4,10 @@
  *
  *   reading = (1 + scale error) (rate + bias + noise),    limited to the range and rounded to its 32768th part
  *
- * Noise is white: its standard deviation per sample is the density times the root of the rate. The bias starts anywhere,
- * walks, and changes as the chip warms up: warmth = end (1 - e^(-t/T)). The chip's axes are those of the body, turned so
- * that one of them points up, and tilted. So the body's roll and pitch on its rollers shake the readings. The chip's
- * filter is one of first order, y' = (rate - y)/T. Between two looks the rate changes evenly.
+ * Noise is white: its standard deviation per sample is the density times the root of the rate. The bias starts
+ * anywhere, walks, and changes as the chip warms up: warmth = end (1 - e^(-t/T)). The chip's axes are those of the
+ * body, turned so that one of them points up, and tilted. So the body's roll and pitch on its rollers shake the
+ * readings. The chip's filter is one of first order, y' = (rate - y)/T. Between two looks the rate changes evenly.
  */
 #include <string.h>
 

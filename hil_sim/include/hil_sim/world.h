@@ -215,9 +215,9 @@ typedef struct hil_world_t {
     hil_real_t frozen_pose[3]; /**< of the last fix before the pose sensor froze */
     hil_real_t gyro_bias[3];   /**< of each axis of its chip [rad/s] */
     hil_real_t gyro_warmth_K;  /**< of its chip, over that of the start */
-    hil_real_t gyro_rate[3];   /**< true rates about its chip's axes [rad/s], the upright one last, when last looked at */
+    hil_real_t gyro_rate[3];   /**< true rates about its chip's axes [rad/s], the upright one last */
     hil_real_t gyro_late[3];   /**< the same behind its chip's filter */
-    uint64_t gyro_late_us;     /**< when that was */
+    uint64_t gyro_late_us;     /**< when both were looked at */
     hil_real_t gyro_rad_s[3];  /**< latest sample */
     uint64_t gyro_samples;     /**< taken so far */
     uint64_t gyro_bias_step;   /**< number of the bias's last draw */

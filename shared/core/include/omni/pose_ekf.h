@@ -65,7 +65,8 @@
  *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
  * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
- * OMNI_EKF_ALONE_US. A slot of the history in which neither wheels nor gyro have moved the robot brings none of it then.
+ * OMNI_EKF_ALONE_US. A slot of the history in which neither wheels nor gyro have moved the robot brings none of it
+ * then.
  *
  * Slip ratios change, and each has a mean over a long way: what the floor does, and what a wheel's radius is off. The
  * mean m_i follows s_i while fixes, or a sensor of motion over the floor, show it. Without them for OMNI_EKF_ALONE_US,

@@ -124,7 +124,7 @@ static omni_flag_t is_proof(const omni_flow_state_t *state, omni_real_t way2) {
 }
 
 /* Has the speed changed by no more than wheels on a floor can change it? The one before is turned into today's axes. */
-static omni_flag_t goes_on(omni_flow_state_t *state, const omni_ekf_flow_t *flow, uint64_t time_us) {
+static omni_flag_t could_be_driven(omni_flow_state_t *state, const omni_ekf_flow_t *flow, uint64_t time_us) {
     const uint64_t since_us = time_us - state->pace_us;
     const omni_real_t since_s = (omni_real_t)(since_us < flow_hold_us ? since_us : flow_hold_us) * 1e-6f;
     const omni_real_t most = (omni_real_t)OMNI_FLOW_MOST_M_S2 * since_s + flow_lead_noise_m_s;
@@ -152,7 +152,7 @@ static omni_flag_t is_still(const omni_flow_state_t *state) {
 /* May it be believed against the wheels? Not against pose fixes. */
 static omni_flag_t may_lead(omni_flow_state_t *state, const omni_ekf_flow_t *flow, uint64_t time_us,
                             const omni_pose_ekf_state_t *ekf) {
-    const omni_flag_t may_go_on = goes_on(state, flow, time_us) && state->led < (omni_uint_t)OMNI_FLOW_LED;
+    const omni_flag_t may_go_on = could_be_driven(state, flow, time_us) && state->led < (omni_uint_t)OMNI_FLOW_LED;
     state->long_fits = omni_select(may_go_on, state->long_fits, 0u);
     return state->right && state->long_fits >= (omni_uint_t)OMNI_FLOW_LEAD && !state->frozen && !state->askew &&
            !is_still(state) && ekf->refused_in_row == 0;
