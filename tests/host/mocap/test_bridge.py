@@ -226,7 +226,7 @@ def test_how_good_a_pose_is_reaches_the_robot(lab: Callable[..., Lab], kind: str
         source = Telling(cameras(here, latency_s=0.02, sd_xy_m=0.0, sd_theta_rad=0.0), sd)
         with Bridge(source, here, BridgeSettings(message=kind, budget_bytes_s=3000.0), clock=here.clock) as bridge:
             bridge.run(1.0)
-            left.append(bridge.robot.status.tracking.pose_sd[0])
+            left.append(bridge.robot.wait_for(Tracking).pose_sd[0])
         sizes = {len(message.get_msgbuf()) for _, message in here.fixes(kind)}
         assert max(sizes) <= (FRAME_BYTES if sd == 0.0 else FRAME_BYTES_SD)[kind]
     assert left[0] < 0.5 * left[2] < 0.25 * left[1]
