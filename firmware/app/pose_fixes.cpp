@@ -13,10 +13,13 @@ constexpr uint64_t oldest_us = 250'000;
 constexpr uint64_t ahead_us = 5'000;
 /// Further than this [m or rad] no sensor, however coarse, says the same pose twice.
 constexpr float frozen_travel = 0.005f;
+/// A fix whose x and y may be off by more [m] tells nothing, but it would count as one: `pose stale` would not show.
+constexpr float most_sd_xy = 1.0f;
 
-/// Standard deviation from a variance; 0 (take the configured one) if the sender gave none.
+/// Standard deviation from a variance; 0 (take the configured one) if the sender gave none. An infinite one is large.
 float standard_deviation(float variance) {
-    return omni_is_finite(variance) && variance > 0.0f ? omni_sqrtf(variance) : 0.0f;
+    constexpr float most = 1e6f;
+    return variance > 0.0f ? omni_sqrtf(variance < most ? variance : most) : 0.0f;
 }
 
 /// The time that these 32 bits stand for: the one nearest to now. They wrap every 49.7 days.
@@ -89,6 +92,10 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float 
 void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta) {
     if (!omni_pose_is_finite(&world)) {
         complain("not finite");
+        return;
+    }
+    if (sd_xy > most_sd_xy) {
+        complain("it may be off by metres");
         return;
     }
     if (frozen(world)) {

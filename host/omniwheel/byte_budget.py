@@ -15,8 +15,7 @@ class ByteBudget:
     """At most ``bytes_s`` bytes per second in the long run and ``burst_bytes`` at once.
 
     In any time t no more than ``burst_bytes + bytes_s t`` bytes are admitted. What waits in a modem is then never more
-    than ``burst_bytes``, so that nothing grows old in a queue. More than that at once is admitted once everything
-    before has gone. ``clock`` gives seconds.
+    than ``burst_bytes``, so that nothing grows old in a queue. ``clock`` gives seconds.
     """
 
     def __init__(self, bytes_s: float, burst_bytes: float, clock: Callable[[], float]) -> None:
@@ -30,7 +29,7 @@ class ByteBudget:
 
     def admits(self, count: int) -> bool:
         """Return whether ``count`` bytes may be sent now."""
-        return self._drain() + count <= max(self.burst_bytes, count)
+        return self._drain() + count <= self.burst_bytes
 
     def charge(self, count: int) -> None:
         """Take note of ``count`` bytes sent, admitted or not."""

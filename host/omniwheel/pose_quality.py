@@ -84,7 +84,7 @@ class PoseQuality:
         """What to do, "" if nothing is to be done."""
         if self.verdict is Verdict.CONTRADICTED:
             return (
-                "check the delay (FIX_DELAY) and noise (EKF_R_XY, EKF_R_TH) of the fixes, wheel radius and distance; "
+                "check delay (FIX_DELAY) and noise (EKF_R_XY, EKF_R_TH, or what they say) of the fixes, wheel sizes; "
                 "if these are right, the floor is worse than EKF_Q_XY and EKF_Q_TH say: raise them"
             )
         if self.verdict is Verdict.DRIFTING and self.refused:

@@ -29,6 +29,10 @@ _UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
 _X, _Y, _YAW = 0, 6, 20
 """Places in the row-major upper triangle of a covariance of x, y, z, roll, pitch, yaw."""
 _INT16_MAX, _UINT16_MAX = 32767, 65535
+_PER_UNIT = 1e4
+"""Units of OMNI_POSE_FIX's standard deviations in a metre or a radian."""
+_ROUNDED = 1.0 / math.sqrt(12.0)
+"""Standard deviation of what rounding takes away, in steps."""
 _MAX_TIME_MS = 2**32 - 1
 
 
@@ -103,9 +107,9 @@ def pose_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta_ra
     x, y, yaw = flip(*pose)
     covariance = list(_UNKNOWN_COVARIANCE)
     if _known("sd_xy_m", sd_xy_m):
-        covariance[_X] = covariance[_Y] = sd_xy_m**2
+        covariance[_X] = covariance[_Y] = _limited(sd_xy_m) ** 2
     if _known("sd_theta_rad", sd_theta_rad):
-        covariance[_YAW] = sd_theta_rad**2
+        covariance[_YAW] = _limited(sd_theta_rad) ** 2
     message: Message = _M.MAVLink_vicon_position_estimate_message(time_us, x, y, 0.0, 0.0, 0.0, yaw, covariance)
     return message
 
@@ -120,7 +124,7 @@ def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta
     if max(abs(x_mm), abs(y_mm)) > _INT16_MAX:
         raise SetpointError(f"x = {pose.x:g} m, y = {pose.y:g} m: a compact pose fix reaches 32.767 m at most")
     theta = round(math.remainder(pose.theta, math.tau) * 1e4)
-    sds = [_tenths("sd_xy_m", sd_xy_m), _tenths("sd_theta_rad", sd_theta_rad)]
+    sds = _tenths("sd_xy_m", sd_xy_m, 1e-3 * _ROUNDED), _tenths("sd_theta_rad", sd_theta_rad, 1e-4 * _ROUNDED)
     time_ms = min(round(time_us / 1e3), _MAX_TIME_MS)
     message: Message = _M.MAVLink_omni_pose_fix_message(time_ms, x_mm, y_mm, theta, *sds)
     return message
@@ -133,6 +137,11 @@ def _known(name: str, sd: float) -> bool:
     return sd > 0.0
 
 
-def _tenths(name: str, sd: float) -> int:
-    """Return a standard deviation in 0.1 mm or 0.1 mrad, rounded up: 0 says that it is not known."""
-    return min(math.ceil(1e4 * sd), _UINT16_MAX) if _known(name, sd) else 0
+def _limited(sd: float) -> float:
+    """Return a standard deviation within what OMNI_POSE_FIX can say. So its square is no 0 and no infinity."""
+    return min(max(sd, 1.0 / _PER_UNIT), _UINT16_MAX / _PER_UNIT)
+
+
+def _tenths(name: str, sd: float, rounding: float) -> int:
+    """Return a standard deviation with that of rounding, in 0.1 mm or 0.1 mrad, rounded up; 0: not known."""
+    return math.ceil(_PER_UNIT * _limited(math.hypot(sd, rounding))) if _known(name, sd) else 0

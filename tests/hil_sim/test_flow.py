@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from hil_sim import core, flow_figures
 from hil_sim.faults import Fault
+from hil_sim.gyro_figures import start_run
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.world import IDEAL_WHEELS
@@ -161,6 +162,17 @@ def test_on_ice_a_sensor_that_has_been_right_leads(setting: flow_figures.Setting
     assert new.rms_heading < 0.03
     assert new.warned == 0
     assert float(np.mean(new.nees_position)) < 5.0
+
+
+def test_the_robot_says_that_it_leads_on_ice_and_nowhere_else() -> None:
+    run, _config = start_run(flow_figures.scenario_of(ICE[0], 2000, True), ICE[0].title)
+    told = []
+    for _ in range(15000):
+        lib.hil_run_advance(run, 1)
+        told.append((run.world.pose[0] < 0.02, bool(run.outputs.flow_leads)))
+    on_ice, leads = np.array(told).T
+    assert leads[on_ice].mean() > 0.1
+    assert not leads[~on_ice].any()
 
 
 def test_on_ice_from_the_start_it_is_refused_and_said() -> None:

@@ -41,16 +41,6 @@ def test_a_budget_is_used_up_to_its_rate() -> None:
     assert sent == pytest.approx(4800 + 86, abs=22)
 
 
-def test_more_than_a_burst_goes_once_all_before_has_gone() -> None:
-    now = [0.0]
-    budget = ByteBudget(100.0, 50.0, lambda: now[0])
-    assert budget.admits(128)
-    budget.charge(128)
-    for now[0], free in ((0.5, False), (1.27, False), (1.29, True)):
-        assert budget.admits(128) == free
-    assert budget.admits(50)
-
-
 @pytest.mark.parametrize(("rate", "burst"), [(0.0, 1.0), (1.0, 0.0), (float("nan"), 1.0)])
 def test_a_budget_must_be_positive(rate: float, burst: float) -> None:
     with pytest.raises(ValueError, match="positive"):

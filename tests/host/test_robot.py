@@ -199,6 +199,8 @@ def test_a_set_point_that_is_no_number_is_not_sent(fake: Any, robot: Robot, bad:
         lambda: robot.set_pose(0.0, bad, 0.0),
         lambda: robot.set_pose(0.0, 0.0, 0.0, feed_forward=Twist(0.0, 0.0, bad)),
         lambda: robot.send_pose_fix(0.0, 0.0, bad),
+        lambda: robot.send_pose_fix(0.0, 0.0, 0.0, sd_xy_m=bad),
+        lambda: robot.send_pose_fix(0.0, 0.0, 0.0, sd_theta_rad=-0.001),
         lambda: robot.set_pose_estimate(bad, 0.0, 0.0),
         lambda: robot.set_waypoints([(0.0, 0.0, bad)]),
         lambda: robot.set_velocity(0.0, 0.0, 0.0, frame="moon"),

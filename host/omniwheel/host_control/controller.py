@@ -183,7 +183,9 @@ class HostController:
         config = ffi.addressof(self._core.config, "pose_ekf")
         if self._origin_s is None:
             pose = ffi.new("omni_pose_t *", tuple(measured.pose))
-            lib.omni_pose_ekf_reset(self._core.ekf, config, pose, self.values["EKF_R_XY"], self.values["EKF_R_TH"])
+            sd_xy = measured.sd_xy_m or self.values["EKF_R_XY"]
+            sd_theta = measured.sd_theta_rad or self.values["EKF_R_TH"]
+            lib.omni_pose_ekf_reset(self._core.ekf, config, pose, sd_xy, sd_theta)
             self._origin_s = self._predicted_s = measured.taken_s
             self._predict(measured.taken_s)
             self.last_fix_s = measured.taken_s

@@ -74,7 +74,16 @@ class BridgeSettings:
     @property
     def possible_rate_sd_Hz(self) -> float:
         """The same for fixes that do, as those of a camera."""
-        return min(self.rate_Hz, self.budget_bytes_s / FRAME_BYTES_SD[self.message])
+        return min(self.rate_Hz, self.budget_bytes_s / (FRAME_BYTES_SD if self.tells_sd else FRAME_BYTES)[self.message])
+
+    @property
+    def tells_sd(self) -> bool:
+        """Whether how good a fix is goes out with it.
+
+        On a small budget a long VICON_POSITION_ESTIMATE would slow the others down. Over a radio it would come so late
+        that the robot no longer believes its time.
+        """
+        return self.message == "compact" or self.budget_bytes_s >= self.rate_Hz * FRAME_BYTES_SD[self.message]
 
 
 @dataclass
@@ -124,7 +133,7 @@ class Bridge:
         self.counts = BridgeCounts()
         self._source = source
         self._clock = clock
-        burst_bytes = FRAME_BYTES[settings.message] + OVERHEAD_BYTES
+        burst_bytes = (FRAME_BYTES_SD if settings.tells_sd else FRAME_BYTES)[settings.message] + OVERHEAD_BYTES
         self._budget = ByteBudget(settings.budget_bytes_s, burst_bytes, clock)
         base = open_shared(link, timeout_s=timeout_s) if isinstance(link, str) else link
         self._link = MeteredLink(base, self._budget)
@@ -192,13 +201,14 @@ class Bridge:
 
     def _frame_bytes(self, measured: MocapPose) -> int:
         told = measured.sd_xy_m > 0.0 or measured.sd_theta_rad > 0.0
-        return (FRAME_BYTES_SD if told else FRAME_BYTES)[self.settings.message]
+        return (FRAME_BYTES_SD if told and self.settings.tells_sd else FRAME_BYTES)[self.settings.message]
 
     def _send(self, measured: MocapPose, now_s: float) -> None:
         time_us = max(1, self._sync.robot_time_us(measured.taken_s))
         try:
             make = MESSAGES[self.settings.message]
-            message = make(measured.pose, time_us, measured.sd_xy_m, measured.sd_theta_rad)
+            sds = (measured.sd_xy_m, measured.sd_theta_rad) if self.settings.tells_sd else (0.0, 0.0)
+            message = make(measured.pose, time_us, *sds)
         except SetpointError:
             self.counts.refused += 1
             return

@@ -3,7 +3,8 @@
 
 The header names the columns, in this order: ``taken_s``, ``arrived_s``, ``frame``, ``x_m``, ``y_m``, ``theta_rad``.
 Both times are seconds on one clock of the recording, of any origin. The frame is the stream's number of it, and theta
-counts counter-clockwise. Lines are in the order of arrival.
+counts counter-clockwise. Lines are in the order of arrival. Two more columns, ``sd_xy_m`` and ``sd_theta_rad``, say how
+good a pose is; 0: not known. Files of before do not have them.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import csv
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
@@ -21,7 +23,11 @@ from omniwheel.growing_file import GrowingFile
 from omniwheel.mocap.source import MocapPose
 
 COLUMNS = ("taken_s", "arrived_s", "frame", "x_m", "y_m", "theta_rad")
-_HINT = f"the first line must be {','.join(COLUMNS)}; `omni mocap record` writes such files"
+SD_COLUMNS = ("sd_xy_m", "sd_theta_rad")
+_HINT = (
+    f"the first line must be {','.join(COLUMNS)}, and may end with ,{','.join(SD_COLUMNS)}; "
+    "`omni mocap record` writes such files"
+)
 
 
 class RecordingWriter:
@@ -33,7 +39,7 @@ class RecordingWriter:
     def __init__(self, path: Path) -> None:
         self.poses = 0
         self._file = GrowingFile(path, lambda data: data.rfind(b"\n") + 1)
-        self._write_row(COLUMNS)
+        self._write_row((*COLUMNS, *SD_COLUMNS))
 
     def __enter__(self) -> RecordingWriter:
         return self
@@ -46,7 +52,8 @@ class RecordingWriter:
     def write(self, measured: MocapPose) -> None:
         """Append one pose, micrometres and microseconds exact."""
         times = (f"{measured.taken_s:.6f}", f"{measured.arrived_s:.6f}", measured.frame)
-        self._write_row((*times, *(f"{value:.6f}" for value in measured.pose)))
+        sds = (measured.sd_xy_m, measured.sd_theta_rad)
+        self._write_row((*times, *(f"{value:.6f}" for value in (*measured.pose, *sds))))
         self.poses += 1
 
     def flush_if_due(self) -> None:
@@ -66,10 +73,10 @@ def read_recording(path: Path) -> list[MocapPose]:
     try:
         with path.open(encoding="utf-8", newline="") as file:
             rows = csv.reader(file)
-            header = next(rows, [])
-            if tuple(word.strip() for word in header) != COLUMNS:
+            header = tuple(word.strip() for word in next(rows, []))
+            if header not in (COLUMNS, (*COLUMNS, *SD_COLUMNS)):
                 raise MocapSourceError(f"{path}:1: these are not the columns of a recording", hint=_HINT)
-            poses = list(_poses(path, rows))
+            poses = list(_poses(path, rows, header))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise MocapSourceError(f"cannot read {path}: {reason}", hint=_HINT) from error
@@ -78,18 +85,22 @@ def read_recording(path: Path) -> list[MocapPose]:
     return poses
 
 
-def _poses(path: Path, rows: Iterator[list[str]]) -> Iterator[MocapPose]:
+def _poses(path: Path, rows: Iterator[list[str]], columns: Sequence[str]) -> Iterator[MocapPose]:
     last_s = -math.inf
     for number, row in enumerate(rows, start=2):
         where = f"{path}:{number}"
-        if len(row) != len(COLUMNS):
-            raise MocapSourceError(f"{where}: {len(row)} columns instead of {len(COLUMNS)}", hint=_HINT)
-        taken_s, arrived_s, frame, x, y, theta = (_number(where, *pair) for pair in zip(COLUMNS, row, strict=True))
+        if len(row) != len(columns):
+            raise MocapSourceError(f"{where}: {len(row)} columns instead of {len(columns)}", hint=_HINT)
+        numbers = [_number(where, *pair) for pair in zip(columns, row, strict=True)]
+        taken_s, arrived_s, frame, x, y, theta, sd_xy, sd_theta = (*numbers, 0.0, 0.0)[: len(COLUMNS) + len(SD_COLUMNS)]
+        if min(sd_xy, sd_theta) < 0.0:
+            raise MocapSourceError(f"{where}: a standard deviation is negative", hint=_HINT)
         if arrived_s < last_s or taken_s > arrived_s:
             what = "comes before the line above it" if arrived_s < last_s else "is before taken_s"
             raise MocapSourceError(f"{where}: arrived_s = {arrived_s} {what}", hint="sort the file by arrived_s")
         last_s = arrived_s
-        yield MocapPose(Pose(x, y, math.remainder(theta, math.tau)), taken_s, arrived_s, int(frame))
+        pose = Pose(x, y, math.remainder(theta, math.tau))
+        yield MocapPose(pose, taken_s, arrived_s, int(frame), sd_xy, sd_theta)
 
 
 def _number(where: str, column: str, text: str) -> float:
@@ -141,7 +152,7 @@ class RecordedSource:
         recorded = self._poses[self._next]
         self._next += 1
         arrived_s = recorded.arrived_s + self._shift_s
-        return MocapPose(recorded.pose, recorded.taken_s + self._shift_s, arrived_s, recorded.frame)
+        return replace(recorded, taken_s=recorded.taken_s + self._shift_s, arrived_s=arrived_s)
 
     def close(self) -> None:
         """Nothing to close."""

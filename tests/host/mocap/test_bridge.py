@@ -220,28 +220,50 @@ class Telling:
 @pytest.mark.parametrize("kind", list(MESSAGES))
 def test_how_good_a_pose_is_reaches_the_robot(lab: Callable[..., Lab], kind: str) -> None:
     """The robot believes a fix as far as its source does: twenty of 50 mm move it less than twenty of 1 mm."""
-    left = []
+    claims, ways = [], []
     for sd in (0.001, 0.05, 0.0):
         here = lab(EKF_GATE=0.0, EKF_ADAPT=0.0)
         source = Telling(cameras(here, latency_s=0.02, sd_xy_m=0.0, sd_theta_rad=0.0), sd)
         with Bridge(source, here, BridgeSettings(message=kind, budget_bytes_s=3000.0), clock=here.clock) as bridge:
+            bridge.robot.set_pose_estimate(0.25, 0.0, 0.0)  # it is at 0.2
             bridge.run(1.0)
-            left.append(bridge.robot.wait_for(Tracking).pose_sd[0])
+            tracking = bridge.robot.wait_for(Tracking)
+        claims.append(tracking.pose_sd[0])
+        ways.append(0.25 - tracking.pose.x)
         sizes = {len(message.get_msgbuf()) for _, message in here.fixes(kind)}
         assert max(sizes) <= (FRAME_BYTES if sd == 0.0 else FRAME_BYTES_SD)[kind]
-    assert left[0] < 0.5 * left[2] < 0.25 * left[1]
+    assert claims[0] < 0.5 * claims[2] < 0.25 * claims[1]
+    assert ways[0] > ways[2] > 1.2 * ways[1] > 0.0
 
 
-def test_a_pose_that_says_how_good_it_is_keeps_the_budget(lab: Callable[..., Lab]) -> None:
+def test_over_a_radio_a_long_message_does_not_say_how_good_it_is(lab: Callable[..., Lab]) -> None:
+    """It would take 133 ms at 9600 baud: fewer fixes, and their times out of what the robot believes."""
     here = lab()
     source = Telling(cameras(here, rate_Hz=100.0, latency_s=0.01), 0.002)
-    with Bridge(source, here, BridgeSettings("vicon", rate_Hz=50.0, budget_bytes_s=480.0), clock=here.clock) as bridge:
+    settings = BridgeSettings("vicon", rate_Hz=50.0, budget_bytes_s=480.0)
+    with Bridge(source, here, settings, clock=here.clock) as bridge:
         here.sent.clear()
         start_s = here.clock()
         statistics = bridge.run(6.0)
-    most = 480.0 * (here.clock() - start_s) + FRAME_BYTES_SD["vicon"] + OVERHEAD_BYTES
+    assert max(len(message.get_msgbuf()) for _, message in here.sent) <= FRAME_BYTES["vicon"]
+    most = 480.0 * (here.clock() - start_s) + FRAME_BYTES["vicon"] + OVERHEAD_BYTES
     assert sum(len(message.get_msgbuf()) for _, message in here.sent) <= most
-    assert statistics.sent / 6.0 == pytest.approx(480.0 / FRAME_BYTES_SD["vicon"], rel=0.15)
+    assert statistics.sent / 6.0 == pytest.approx(settings.possible_rate_sd_Hz, rel=0.1)
+
+
+@pytest.mark.parametrize("kind", list(MESSAGES))
+@pytest.mark.parametrize("sd", [1e-30, 1e-9, 1e20, 1e200])
+def test_no_standard_deviation_is_too_small_or_too_large_for_a_message(kind: str, sd: float) -> None:
+    message = MESSAGES[kind](Pose(0.0, 0.0, 0.0), 1000, sd, sd)
+    message.pack(mavlink.MAVLink(None))
+    told = message.sd_theta_mrad10 * 1e-4 if kind == "compact" else math.sqrt(message.covariance[20])
+    assert told == pytest.approx(1e-4 if sd < 1.0 else 6.5535)
+
+
+def test_a_short_message_counts_its_own_rounding() -> None:
+    message = MESSAGES["compact"](Pose(0.0, 0.0, 0.0), 1000, 0.0003, 0.0)
+    assert message.sd_xy_mm10 == 5  # the root of 0.3 mm squared and 1 mm squared over twelve, rounded up
+    assert message.sd_theta_mrad10 == 0
 
 
 def test_a_stream_that_stops_is_silence_and_one_that_comes_back_goes_on(lab: Callable[..., Lab]) -> None:

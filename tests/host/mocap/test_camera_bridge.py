@@ -4,12 +4,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import pytest
+
+from hil_sim.faults import Fault
+from hil_sim.gyro_figures import start_run
+from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess
+from omniwheel._core import lib
+from omniwheel.frames import Pose
 from omniwheel.mocap import Bridge, BridgeSettings
 from omniwheel.mocap.camera.frames import Frame
-from omniwheel.mocap.camera.source import CameraSource
+from omniwheel.mocap.camera.geometry import Located
+from omniwheel.mocap.camera.source import CameraSource, claim
 from tests.host.mocap.rendered.lab import FLOOR, SMALL, scene, watcher
 from tests.host.mocap.rendered.scene import Scene, Sheet, View
 from tests.host.mocap.test_bridge import Lab
@@ -76,7 +86,34 @@ def test_a_robot_that_did_not_know_its_place_drives_by_the_camera(tmp_path: Path
     assert speed_m_s > 0.05  # 60 ms taken as of now would be off by 3 mm and more
     assert worst_m < 0.003
     assert worst_rad < 0.01
-    assert all(0 < message.sd_xy_mm10 < 30 for _, message in lab.fixes("compact"))
+    assert all(0 < message.sd_xy_mm10 < 30 for _, message in lab.fixes("compact")[1:])
     for _, message in lab.fixes("compact"):
         truth = lab.truth_at(message.time_boot_ms * 1e-3)
         assert math.dist((message.x_mm * 1e-3, message.y_mm * 1e-3), truth[:2]) < 0.002
+
+
+@pytest.mark.parametrize("late_s", [0.0, 0.01, 0.03])
+def test_what_a_camera_claims_makes_no_filter_refuse_its_poses(late_s: float) -> None:
+    """At 0.8 m/s, with pictures that are older than the robot is told. The corners alone claim half a millimetre."""
+    sharp = np.diag([0.0005, 0.0005, 0.0007]) ** 2
+    found = Located(Pose(0.0, 0.0, 0.0), 0.1, sharp, np.zeros((3, 3)))
+    errors = []
+    for sds in (claim(found, 0.8, 1.0), (0.005, 0.005)):
+        scenario = load_scenario("fast").with_seed(3)
+        path = {"TRJ_TYPE": 3.0, "TRJ_SIZE": 0.5, "TRJ_PERIOD": 4.0, "TRJ_LAPS": 0.0, "TRJ_ROT": 2.0}
+        swing = {"TRJ_ROT_AMP": 0.5, "TRJ_ROT_N": 2.0, "EKF_R_XY": sds[0], "EKF_R_TH": sds[1]}
+        fixes = {"fix_rate_Hz": 20.0, "fix_sd_xy_m": 0.0005, "fix_sd_theta_rad": 0.0007, "fix_delay_s": 0.06}
+        late = (Fault("pose_delay", 0.0, 1e9, value=late_s),) if late_s else ()
+        scenario = replace(scenario.with_parameters({**path, **swing}).with_world(fixes), faults=late)
+        run, _config = start_run(scenario, "late pictures", 1000)
+        off, speeds, refused = [], [], run.robot.estimator.pose_ekf.refused
+        for _ in range(600):
+            lib.hil_run_advance(run, 20)
+            pose, truth = run.robot.estimator.pose_ekf.pose, run.world.pose
+            off.append(math.hypot(pose.x - truth[0], pose.y - truth[1]))
+            speeds.append(math.hypot(*run.world.twist[0:2]))
+        assert np.mean(speeds[200:]) > 0.7
+        assert run.robot.estimator.pose_ekf.refused == refused
+        assert not run.outputs.faults & lib.OMNI_FAULT_STOP_MASK
+        errors.append(float(np.sqrt(np.mean(np.square(off[200:])))))
+    assert errors[0] < 1.2 * errors[1]

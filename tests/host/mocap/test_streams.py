@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 
 from omniwheel.errors import MocapSourceError
 from omniwheel.frames import Pose
-from omniwheel.mocap.recorded import COLUMNS, RecordedSource, RecordingWriter, read_recording
+from omniwheel.mocap.recorded import COLUMNS, SD_COLUMNS, RecordedSource, RecordingWriter, read_recording
 from omniwheel.mocap.simulated import Cameras, SimulatedSource, circle
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
 
@@ -95,6 +96,20 @@ def test_a_recording_replays_with_its_own_stamps(tmp_path: Path) -> None:
     assert time.now_s == pytest.approx(original[-1].arrived_s + shift_s, abs=1e-5)
     assert source.ended
     assert source.read(1.0) is None
+
+
+def test_a_recording_keeps_how_good_each_pose_is_and_one_of_before_does_not_say_it(tmp_path: Path) -> None:
+    told = [replace(pose, sd_xy_m=0.001 * pose.frame, sd_theta_rad=0.002) for pose in take(simulated(Time()), 5)]
+    with RecordingWriter(tmp_path / "told.csv") as writer:
+        for pose in told:
+            writer.write(pose)
+    read = read_recording(tmp_path / "told.csv")
+    assert [(pose.sd_xy_m, pose.sd_theta_rad) for pose in read] == [(p.sd_xy_m, p.sd_theta_rad) for p in told]
+    (tmp_path / "old.csv").write_text(",".join(COLUMNS) + "\n0,0,0,0,0,7\n", encoding="ascii")
+    assert read_recording(tmp_path / "old.csv")[0].sd_xy_m == 0.0
+    (tmp_path / "bad.csv").write_text(",".join((*COLUMNS, *SD_COLUMNS)) + "\n0,0,0,0,0,0,-1,0\n", encoding="ascii")
+    with pytest.raises(MocapSourceError, match="negative"):
+        read_recording(tmp_path / "bad.csv")
 
 
 def test_newest_drains_what_waits(tmp_path: Path) -> None:

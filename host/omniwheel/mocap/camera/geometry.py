@@ -83,12 +83,12 @@ class Located:
     @property
     def sd_xy_m(self) -> float:
         """Standard deviation of x and y in the worst direction, noise and bias together."""
-        return math.sqrt(max(0.0, float(np.linalg.eigvalsh((self.noise + self.bias)[:2, :2])[-1])))
+        return math.sqrt(float(np.linalg.eigvalsh((self.noise + self.bias)[:2, :2])[-1]))
 
     @property
     def sd_theta_rad(self) -> float:
         """Standard deviation of the heading, noise and bias together."""
-        return math.sqrt(max(0.0, float((self.noise + self.bias)[2, 2])))
+        return math.sqrt(float((self.noise + self.bias)[2, 2]))
 
 
 def locate(eye: Eye, tags: Sequence[PlacedTag], corners: Mapping[int, Array]) -> Located | None:
@@ -114,10 +114,13 @@ def locate(eye: Eye, tags: Sequence[PlacedTag], corners: Mapping[int, Array]) ->
     except np.linalg.LinAlgError:
         return None
     moved = inverse @ slopes.T @ by_place
+    bias = moved @ eye.covariance @ moved.T
+    if not (np.isfinite(inverse + bias).all() and (np.diag(inverse) > 0.0).all() and (np.diag(bias) >= 0.0).all()):
+        return None  # nothing says how sure it is
     pose = Pose(float(state[0]), float(state[1]), math.remainder(float(state[2]), math.tau))
     rms = float(np.sqrt(np.mean(away**2) * 2.0))
     sd_px = max(CORNER_SD_PX, float(np.sqrt(np.sum(away**2) / (len(away) - 3))))
-    return Located(pose, rms, sd_px**2 * inverse, moved @ eye.covariance @ moved.T)
+    return Located(pose, rms, sd_px**2 * inverse, bias)
 
 
 def _first_guess(eye: Eye, tag: PlacedTag, corners: Array) -> Array | None:
