@@ -131,8 +131,8 @@ def test_a_fix_that_tells_nothing_is_not_used(robot: FakeRobot, kind: str, sd: f
     before = robot.asked("OMNI_CONTROL").fixes_accepted
     robot.send(USB, KINDS[kind]((0.0, 0.0, 0.0), now_us(robot), covariance(sd, sd, 0.01)))
     robot.tick(5)
-    assert robot.asked("OMNI_CONTROL").fixes_accepted == before
     assert "pose fix refused: it may be off by metres" in robot.texts(USB)
+    assert robot.asked("OMNI_CONTROL").fixes_accepted == before
     # A source of places without a heading is of use.
     robot.send(USB, KINDS[kind]((0.001, 0.0, 0.0), now_us(robot), covariance(0.01, 0.01, min(sd, 3.0))))
     robot.tick(5)
