@@ -7,14 +7,14 @@ import json
 import struct
 from collections.abc import Iterator
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from playwright.sync_api import Page, expect
 from websockets.sync.client import connect
 
 from omniwheel.sensor_messages import RADIO_RATE_HZ
-from omniwheel.studio.session import PLOT_RATE_HZ, begin_telemetry, end_telemetry, set_automatic_rate, set_rate
+from omniwheel.studio.session import PLOT_RATE_HZ, Session, begin_telemetry, end_telemetry, set_automatic_rate, set_rate
 from tests.studio.parts import WAIT_MS, Opener, Program, studio, take_over, until
 from tests.studio.test_hostile import socket_url
 
@@ -151,3 +151,14 @@ def test_on_a_slow_radio_it_comes_rarely_and_the_radio_keeps_its_own_rates() -> 
     robot.rates.clear()
     end_telemetry(robot)
     assert robot.rates == {"OMNI_GYRO": None}
+
+
+def test_a_sensor_that_comes_up_leaves_the_rate_that_was_chosen() -> None:
+    robot = asked(USB, GYRO_ONLY)
+    robot.parameters.complete = True
+    set_rate(robot, 20.0)
+    session = SimpleNamespace(sensors=())
+    Session._mind_the_sensors(cast("Session", session), robot)
+    assert robot.rates["OMNI_TRACKING"] == 20.0
+    assert robot.rates["OMNI_GYRO"] == PLOT_RATE_HZ
+    assert [sensor.name for sensor in session.sensors] == ["gyro"]

@@ -74,7 +74,7 @@ class BridgeSettings:
     @property
     def possible_rate_sd_Hz(self) -> float:
         """The same for fixes that do, as those of a camera."""
-        return min(self.rate_Hz, self.budget_bytes_s / (FRAME_BYTES_SD if self.tells_sd else FRAME_BYTES)[self.message])
+        return min(self.rate_Hz, self.budget_bytes_s / self.frame_bytes(True))
 
     @property
     def tells_sd(self) -> bool:
@@ -84,6 +84,10 @@ class BridgeSettings:
         that the robot no longer believes its time.
         """
         return self.message == "compact" or self.budget_bytes_s >= self.rate_Hz * FRAME_BYTES_SD[self.message]
+
+    def frame_bytes(self, known: bool) -> int:
+        """Return the largest frame of a fix, of which it is ``known`` how good it is, or not."""
+        return (FRAME_BYTES_SD if known and self.tells_sd else FRAME_BYTES)[self.message]
 
 
 @dataclass
@@ -133,8 +137,7 @@ class Bridge:
         self.counts = BridgeCounts()
         self._source = source
         self._clock = clock
-        burst_bytes = (FRAME_BYTES_SD if settings.tells_sd else FRAME_BYTES)[settings.message] + OVERHEAD_BYTES
-        self._budget = ByteBudget(settings.budget_bytes_s, burst_bytes, clock)
+        self._budget = ByteBudget(settings.budget_bytes_s, settings.frame_bytes(True) + OVERHEAD_BYTES, clock)
         base = open_shared(link, timeout_s=timeout_s) if isinstance(link, str) else link
         self._link = MeteredLink(base, self._budget)
         self.robot: Robot = connect(self._link, timeout_s=timeout_s, heartbeat=False, clock=clock)
@@ -194,14 +197,10 @@ class Bridge:
         if now_s - measured.taken_s > self.settings.max_age_s:
             self.counts.stale += 1
             self._waiting = None
-        elif now_s >= self._next_s and self._budget.admits(self._frame_bytes(measured)):
+        elif now_s >= self._next_s and self._budget.admits(self.settings.frame_bytes(_is_known(measured))):
             self._waiting = None
             self._next_s = max(self._next_s + 1.0 / self.settings.rate_Hz, now_s)
             self._send(measured, now_s)
-
-    def _frame_bytes(self, measured: MocapPose) -> int:
-        told = measured.sd_xy_m > 0.0 or measured.sd_theta_rad > 0.0
-        return (FRAME_BYTES_SD if told and self.settings.tells_sd else FRAME_BYTES)[self.settings.message]
 
     def _send(self, measured: MocapPose, now_s: float) -> None:
         time_us = max(1, self._sync.robot_time_us(measured.taken_s))
@@ -235,6 +234,10 @@ class Bridge:
         if best is not None:
             s.offset_s, s.round_trip_s, s.offset_error_s = best.offset_s, best.round_trip_s, best.error_s(self._clock())
         return s
+
+
+def _is_known(measured: MocapPose) -> bool:
+    return measured.sd_xy_m > 0.0 or measured.sd_theta_rad > 0.0
 
 
 __getattr__ = moved(__name__, {"BridgeStatistics": "omniwheel.mocap.bridge:BridgeCounts"})
