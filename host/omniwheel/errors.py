@@ -230,6 +230,10 @@ class CameraError(MocapError):
     """Pictures of a camera that cannot tell what was asked for; nothing was written."""
 
 
+class MocapLatencyError(MocapError):
+    """Poses and turning from which their latency cannot be told."""
+
+
 class HostControlStopError(OmniError):
     """The control loop on the host stopped the robot by itself; says why."""
 

@@ -40,6 +40,7 @@ from tests.faults.commands import CASES, known_lens
 from tests.host.logs import synthetic
 from tests.host.mocap.rendered.lab import SMALL, scene, write_files
 from tests.host.mocap.rendered.scene import View
+from tests.host.mocap.test_latency import headings
 from tests.quick_scenario import QUICK
 
 SIMULATOR = "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass MyWorld(TinyWorld):\n    fixes = False\n"
@@ -85,6 +86,17 @@ def there(name: str) -> bool:
 def real_time_robot() -> Iterator[None]:
     """A robot in real time, for what has a clock of its own."""
     with FirmwareProcess("three_wheel") as firmware, patch("omniwheel.cli.mocap.link_url", lambda _: firmware.urls[0]):
+        yield
+
+
+@contextmanager
+def turned_robot() -> Iterator[None]:
+    """Somebody turns the robot to and fro for 20 s while cameras look."""
+    with (
+        FirmwareProcess("three_wheel") as firmware,
+        patch("omniwheel.cli.mocap_latency.link_url", lambda _: firmware.urls[0]),
+        patch("omniwheel.mocap.latency.observe", lambda *_: headings()),
+    ):
         yield
 
 
@@ -292,6 +304,8 @@ RULES = (
     Rule("mocap bridge --source recorded", "--duration 0.3", LINK, real_time_robot),
     Rule("mocap bridge --source camera", "--duration 0.3", LINK, real_time_robot),
     Rule("mocap bridge", "--source simulated --duration 0.3", LINK, real_time_robot),
+    Rule("mocap latency --source camera", leave=LINK, during=turned_robot),
+    Rule("mocap latency", "--source simulated", LINK, turned_robot),
     Rule("mocap record", "--source simulated --duration 0.3", new="*.csv"),
     Rule("mocap markers tags --paper", "--sheets svg"),
     Rule("mocap markers", "--sheets svg", new="tags/camera.toml"),

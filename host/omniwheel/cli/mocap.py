@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from omniwheel.cli import mocap_camera
+from omniwheel.cli import mocap_camera, mocap_latency
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -21,7 +21,7 @@ from omniwheel.cli.common import (
     print_json,
     writable_path,
 )
-from omniwheel.cli.options import ForceOption, OwnSeedOption
+from omniwheel.cli.options import ForceOption, OwnSeedOption, SourceOption
 from omniwheel.limits import (
     DEFAULT_TIMEOUT_S,
     MOCAP_BUDGET_BYTES_S,
@@ -38,12 +38,6 @@ if TYPE_CHECKING:
 app = typer.Typer(help="Send motion-capture poses to a robot, or record them.", no_args_is_help=True)
 _SLICE_S = 0.25
 
-SourceOption = Annotated[
-    str,
-    typer.Option(
-        "--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated."
-    ),
-]
 DurationOption = Annotated[
     float,
     typer.Option(
@@ -73,6 +67,10 @@ def bridge(
     max_age: Annotated[
         float, typer.Option("--max-age", help="Poses older than this are not sent \\[s].")
     ] = MOCAP_MAX_AGE_S,
+    latency: Annotated[
+        float,
+        typer.Option("--latency", metavar="S", help="How much older poses are than they say; see omni mocap latency."),
+    ] = 0.0,
     duration: DurationOption = math.inf,
     seed: OwnSeedOption = 1,
     link: LinkOption = None,
@@ -83,7 +81,7 @@ def bridge(
     from omniwheel.mocap.bridge import Bridge, BridgeSettings
     from omniwheel.mocap.streams import open_source
 
-    settings = BridgeSettings(message, rate, budget, max_age)
+    settings = BridgeSettings(message, rate, budget, max_age, latency)
     url = link_url(link)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
@@ -169,5 +167,6 @@ def _copy(stream: MocapSource, writer: RecordingWriter, duration_s: float) -> No
         writer.flush_if_due()
 
 
-for _name, _examples in mocap_camera.EXAMPLES.items():
-    app.command(_name, epilog=_examples)(getattr(mocap_camera, _name))
+for _commands in (mocap_camera, mocap_latency):
+    for _name, _examples in _commands.EXAMPLES.items():
+        app.command(_name, epilog=_examples)(getattr(_commands, _name))

@@ -46,6 +46,12 @@ def _possible_seed(seed: int | None) -> int | None:
 
 
 OwnSeedOption = Annotated[int, seed_option("Seed of everything that is drawn at random.")]
+SourceOption = Annotated[
+    str,
+    typer.Option(
+        "--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated."
+    ),
+]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")]
 BaudOption = Annotated[int, typer.Option("--baud", min=LEAST_BAUD, help="Baud rate of the radio.")]
 ListenPortOption = Annotated[

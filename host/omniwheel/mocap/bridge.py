@@ -12,7 +12,7 @@ import math
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from omniwheel.byte_budget import ByteBudget, MeteredLink
 from omniwheel.dialect import Message
@@ -42,6 +42,7 @@ FRAME_BYTES_SD = {"compact": 26, "vicon": 128}
 """The same of a fix that does."""
 OVERHEAD_BYTES = 64
 """What may go out at once beside a fix: a TIMESYNC request and a command."""
+MOST_LATENCY_S = 1.0
 _POLL_S = 0.01
 
 
@@ -51,12 +52,14 @@ class BridgeSettings:
 
     ``message`` is "compact" or "vicon", and ``rate_Hz`` the most fixes sent per second. ``budget_bytes_s`` is what all
     bytes of the bridge together may take (default: half of a 9600-baud radio). ``max_age_s`` is the oldest pose sent.
+    ``latency_s`` is how much older all poses are than they say, as :mod:`omniwheel.mocap.latency` measures it.
     """
 
     message: str = "compact"
     rate_Hz: float = MOCAP_RATE_HZ
     budget_bytes_s: float = MOCAP_BUDGET_BYTES_S
     max_age_s: float = MOCAP_MAX_AGE_S
+    latency_s: float = 0.0
 
     def __post_init__(self) -> None:
         if self.message not in MESSAGES:
@@ -65,6 +68,8 @@ class BridgeSettings:
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
                 raise SetpointError(f"{name} is {value}; a number above 0 is needed")
+        if not 0.0 <= self.latency_s <= MOST_LATENCY_S:
+            raise SetpointError(f"latency_s is {self.latency_s}; a number from 0 to {MOST_LATENCY_S:g} is needed")
 
     @property
     def possible_rate_Hz(self) -> float:
@@ -186,6 +191,7 @@ class Bridge:
         self.robot.connection.poll(0.0)
         self._sync.serve()
         if pose is not None:
+            pose = replace(pose, taken_s=pose.taken_s - self.settings.latency_s)
             self.counts.received += 1 + overtaken
             self.counts.overtaken += overtaken + (self._waiting is not None)
             self._waiting = pose
