@@ -85,7 +85,7 @@ def defaults(context: Context) -> list[str]:
 
 def radio(context: Context) -> list[str]:
     """A ground station behind the radio, at 9600 baud, reads a parameter and is seen."""
-    with context.bench(options=context.options(words=True)) as bench:
+    with context.bench(options=context.options(words=context.depth == NIGHTLY)) as bench:
         boot(bench, usb=False)
         robot = bench.connect(Channel.UART)
         robot.pump(1.0)  # it joined in the middle of a frame

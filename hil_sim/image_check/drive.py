@@ -24,7 +24,7 @@ READ_ENCODERS = "_ZN4omni16Teensy40Encoders4readEPl"
 SCRATCH = 0x2027F000
 """Memory that the image leaves alone: the end of its heap, below the crash record."""
 
-PATH_S = 5.0
+PATH_S = 3.0
 PATH_LIMIT_M = 0.001
 PATH = {
     "TRJ_TYPE": "circle",
@@ -108,7 +108,7 @@ def read_counts(bench: Bench) -> list[int]:
 
 
 def path_at_the_pins(context: Context) -> list[str]:
-    """Five seconds of a path with nothing but wires between robot and world, beside the same core in this process."""
+    """Some seconds of a path with nothing but wires between robot and world, beside the same core in this process."""
     scenario = _path_scenario(context)
     in_process = run_in_process(scenario)
     with context.booted(scenario=scenario) as bench:

@@ -120,13 +120,13 @@ def power_cuts(context: Context) -> list[str]:
         logs = _logs(store, draw)
         pairs = [(place, length) for place in logs for length in range(1, RESIDUES + 1)]
         draw.shuffle(pairs)
-        saves = pairs[:: context.pick(32, 3, 1)]
+        saves = pairs[:: context.pick(32, 9, 1)]
         for place, length in saves:
             cutter.in_save(logs[place], draw.randrange(CAPACITY - length), length)
         said = f"{len(saves)} saves, of {len(pairs)} pairs of length and place modulo {RESIDUES}"
         figures = [f"{cutter.cuts} cuts in {said}"]
-        figures.append(_new_sector(cutter, context.pick(32, 1, 1)))
-        figures.append(_used_ring(cutter, context.pick(32, 4, 1)))
+        figures.append(_new_sector(cutter, context.pick(32, 4, 1)))
+        figures.append(_used_ring(cutter, context.pick(32, 12, 1)))
         figures.append(_erases_of_a_start(cutter, context.pick(1, 5, 25)))
     return [*figures, "each left the old or the new content, and the next save worked"]
 

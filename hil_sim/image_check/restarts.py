@@ -149,7 +149,7 @@ class _Lives:
 def reboots(context: Context) -> list[str]:
     """Cut the power again and again: in starts, in their erases, in saves."""
     draw = random.Random(context.seed)
-    count = context.pick(8, 80, 2000)
+    count = context.pick(8, 30, 2000)
     with context.bench(options=Options(instruction_ns=QUICK, seed=context.seed)) as bench:
         lives = _Lives(bench, draw)
         while lives.starts < count:

@@ -149,7 +149,7 @@ def _lengths(context: Context, reader: Store, draw: random.Random) -> str:
     reader.start()
     saver = _Saver(reader, reader, draw)
     # An odd stride meets every length modulo 32.
-    lengths = range(1, CAPACITY + 1, context.pick(29, 3, 1))
+    lengths = range(1, CAPACITY + 1, context.pick(29, 7, 1))
     for length in lengths:
         saver.save(draw.randint(0, CAPACITY - length), length)
     saver.compare()
@@ -164,7 +164,7 @@ def _alignments(context: Context, reader: Store, draw: random.Random) -> str:
         store = Store(bench)
         store.run_on()
         saver = _Saver(store, reader, draw)
-        for length, place in pairs[:: context.pick(4, 2, 1)]:
+        for length, place in pairs[:: context.pick(4, 3, 1)]:
             saver.save(RESIDUES * draw.randrange(CAPACITY // RESIDUES - 1) + place, length)
             bench.advance(BETWEEN_S)
         saver.compare()

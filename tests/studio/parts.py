@@ -16,10 +16,13 @@ from dataclasses import dataclass
 from typing import Any
 from urllib.request import urlopen
 
+import pytest
 from playwright.sync_api import Page
 
 os.environ.setdefault("OMNI_STATE_DIR", tempfile.mkdtemp(prefix="omni-state-"))  # what a person sees stays alone
-CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
+NIGHTLY = pytest.mark.nightly
+"""A variant of a test whose other variants CI runs."""
 WAIT_MS = 60_000
 """For what comes in a moment on an idle machine."""
 Opener = Callable[..., Page]

@@ -20,7 +20,7 @@ from websockets.sync.client import ClientConnection, connect
 from omniwheel.robots import read_robot
 from omniwheel.studio.experiments import KINDS, Experiment, Wanted
 from omniwheel.studio.session import Session
-from tests.studio.parts import Opener, Program, studio, until
+from tests.studio.parts import NIGHTLY, Opener, Program, studio, until
 from tests.studio.test_hostile import ask, socket_url, wait
 
 TEXT = "document.getElementById('experiment-text').textContent"
@@ -115,7 +115,7 @@ def test_too_little_room_is_refused_before_it_can_be_started(page: Page) -> None
     assert "--" not in page.evaluate(TEXT)
 
 
-@pytest.mark.parametrize("way", ["Space", "#stop", "#disarm"])
+@pytest.mark.parametrize("way", ["#stop", *(pytest.param(one, marks=NIGHTLY) for one in ("Space", "#disarm"))])
 def test_a_stop_ends_it_at_once(page: Page, way: str) -> None:
     before = parameters(page)
     start(page, LONG)

@@ -13,7 +13,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, Position
 
-from tests.studio.parts import Opener, Program, studio, until
+from tests.studio.parts import NIGHTLY, Opener, Program, studio, until
 
 GAIN = "ISMC_LAM_XY"
 
@@ -142,7 +142,10 @@ def test_what_is_said_does_not_move_the_map(page: Page) -> None:
     assert page.evaluate(top) == before
 
 
-@pytest.mark.parametrize("focus", ["#arm", "#path", "#laps", "#pause", "#target-x", "#keys", "body"])
+@pytest.mark.parametrize(
+    "focus",
+    ["#path", "#keys", "body", *(pytest.param(one, marks=NIGHTLY) for one in ("#arm", "#laps", "#pause", "#target-x"))],
+)
 def test_the_space_bar_stops_wherever_the_focus_is(page: Page, focus: str) -> None:
     arm(page)
     page.select_option("#path", "circle")
@@ -363,8 +366,15 @@ def test_a_phone_shows_state_and_stop(simulated: Program, open_page: Opener) -> 
     assert page.evaluate("document.documentElement.scrollWidth") <= 390
 
 
-@pytest.mark.parametrize("colours", ["light", "dark"])
-@pytest.mark.parametrize("width", [1500, 390])
+@pytest.mark.parametrize(
+    ("colours", "width"),
+    [
+        ("light", 1500),
+        ("dark", 390),
+        pytest.param("dark", 1500, marks=NIGHTLY),
+        pytest.param("light", 390, marks=NIGHTLY),
+    ],
+)
 def test_it_can_be_used_by_keyboard_and_screen_reader(
     simulated: Program, browser: Browser, colours: Literal["light", "dark"], width: int
 ) -> None:

@@ -17,7 +17,7 @@ from websockets.sync.client import connect
 
 from omniwheel.errors import LinkError
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
-from tests.studio.parts import Opener, Program, running, studio, take_over, until
+from tests.studio.parts import NIGHTLY, Opener, Program, running, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url, wait
 from tests.studio.test_page import arm
 
@@ -54,7 +54,7 @@ def switch(page: Page, fault: str, wheel: str = "") -> None:
     page.click(f"[data-fault='{fault} {wheel}']")
 
 
-@pytest.mark.parametrize("wheel", ["1", "2"])
+@pytest.mark.parametrize("wheel", ["2", pytest.param("1", marks=NIGHTLY)])
 def test_a_pulled_encoder_stops_the_robot_names_its_wheel_and_is_mended(page: Page, wheel: str) -> None:
     drive(page)
     said = page.locator("#texts li").count()
@@ -74,7 +74,12 @@ def test_a_pulled_encoder_stops_the_robot_names_its_wheel_and_is_mended(page: Pa
 
 
 @pytest.mark.parametrize(
-    ("fault", "said"), [("battery_sag", "failsafe: battery"), ("i2c_stuck", "failsafe: driver"), ("ice", "")]
+    ("fault", "said"),
+    [
+        ("i2c_stuck", "failsafe: driver"),
+        pytest.param("battery_sag", "failsafe: battery", marks=NIGHTLY),
+        pytest.param("ice", "", marks=NIGHTLY),
+    ],
 )
 def test_other_faults_do_what_their_words_say(page: Page, fault: str, said: str) -> None:
     drive(page)
@@ -101,7 +106,7 @@ def test_a_pressed_stop_button_is_an_emergency_stop_and_mending_lets_it_go(page:
     until(page, "robot.state === 'disarmed'")
 
 
-@pytest.mark.parametrize("speed", ["0.25", "2"])
+@pytest.mark.parametrize("speed", ["0.25", pytest.param("2", marks=NIGHTLY)])
 def test_the_space_bar_stops_at_every_speed(page: Page, speed: str) -> None:
     page.select_option("#world-speed", speed)
     until(page, f"state.world.speed === {speed}")

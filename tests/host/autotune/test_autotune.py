@@ -94,7 +94,7 @@ def test_a_robot_file_that_is_wrong_is_mended_and_the_robot_drives_better(tmp_pa
     assert any("70%" in text for text in told)
 
 
-@pytest.mark.slow
+@pytest.mark.nightly
 def test_what_the_robot_cannot_know_is_no_reason_to_keep_new_values(tmp_path: Path) -> None:
     """With pose fixes of 5 mm: it sees its error of 0.8 mm shrink, but does not know its pose to 1.7 mm."""
     with wrong_robot(tmp_path) as (robot, _):
@@ -108,7 +108,7 @@ def test_what_the_robot_cannot_know_is_no_reason_to_keep_new_values(tmp_path: Pa
         assert {name: robot.parameters[name] for name in outcome.new} == pytest.approx(outcome.new, rel=1e-6)
 
 
-@pytest.mark.parametrize("when_s", [5.0, 70.0])
+@pytest.mark.parametrize("when_s", [5.0, pytest.param(70.0, marks=pytest.mark.nightly)])
 def test_an_emergency_stop_leaves_the_old_parameters(tmp_path: Path, when_s: float) -> None:
     """In the first drive, and while the new parameters are tried."""
     with wrong_robot(tmp_path) as (robot, link):
