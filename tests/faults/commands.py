@@ -335,7 +335,7 @@ WRITE_NOTHING = (
     "soak", "bench", "monitor", "studio", "flash", "doctor", "params list", "params get", "params set", "params load",
     "params presets", "params diff", "params reset", "params history", "params undo",
     "runs compare", "runs name", "runs delete",
-    "host-control motor", "mocap bridge", "mocap look", "radio key set", "radio key remove", "radio key show",
+    "host-control motor", "mocap bridge", "mocap look", "mocap latency", "radio key set", "radio key remove", "radio key show",
     "logs show", "logs align", "robots list", "robots show", "robots motors", "robots params", "bringup link",
     "bringup i2c", "bringup encoders",
     "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro",

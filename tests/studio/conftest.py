@@ -10,16 +10,16 @@ from contextlib import ExitStack
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from tests.studio.parts import CHROMIUM, SAFE, WAIT_MS, Opener, Program, studio
+from tests.studio.parts import SAFE, WAIT_MS, WITHOUT_WINDOW, Opener, Program, studio
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    if CHROMIUM is None:
+    if WITHOUT_WINDOW is None:
         assert "CI" not in os.environ, "CI has to have Chromium"
-        pytest.skip("no Chromium here: apt install chromium")
+        pytest.skip("no Chromium here: apt install chromium-headless-shell, or chromium")
     with sync_playwright() as playwright:
-        found = playwright.chromium.launch(executable_path=CHROMIUM, args=SAFE)
+        found = playwright.chromium.launch(executable_path=WITHOUT_WINDOW, args=SAFE)
         yield found
         found.close()
 

@@ -20,7 +20,11 @@ import pytest
 from playwright.sync_api import Page
 
 os.environ.setdefault("OMNI_STATE_DIR", tempfile.mkdtemp(prefix="omni-state-"))  # what a person sees stays alone
-CHROMIUM = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
+SHELL = shutil.which("chromium-headless-shell")
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or SHELL
+"""A browser that a person would use: for figures and pictures."""
+WITHOUT_WINDOW = SHELL or CHROMIUM
+"""For tests: the same engine without all that is around a page, if it is installed; it takes two thirds of the time."""
 NIGHTLY = pytest.mark.nightly
 """A variant of a test whose other variants CI runs."""
 WAIT_MS = 60_000
