@@ -85,6 +85,12 @@ class TimeSync:
         return median(sample.round_trip_s for sample in latest)
 
     @property
+    def waiting(self) -> bool:
+        """Whether an answer may come any moment. It is timed when it is read, so whoever reads should hurry."""
+        now_s = self._connection.clock()
+        return any(now_s - stamp_ns * 1e-9 < RESTART_S for stamp_ns in self._pending)
+
+    @property
     def synchronised(self) -> bool:
         """Whether the robot's clock is known."""
         return bool(self._samples)

@@ -23,6 +23,7 @@ EXAMPLES = {
     )
 }
 CAMERA = "camera:"
+TOO_LATE = "that is too late: the robot corrects what was up to 0.25 s ago. Use smaller or fewer pictures, or a cable"
 WORST_SCALE = 0.1
 """What poses and wheels may disagree on a turn. Slip takes some of that."""
 
@@ -43,13 +44,15 @@ def latency(
     from omniwheel.mocap.streams import open_source
     from omniwheel.robot import connect
 
+    if source.startswith("recorded:") or source == "simulated":
+        raise typer.BadParameter(f"{source} does not see this robot now; give a vicon:, natnet: or camera: stream")
     url = link_url(link)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
         with connect(open_shared(url, timeout_s=timeout), timeout_s=timeout, heartbeat=False) as robot:
             note(
-                "Turn the robot left and right on the floor, by a quarter turn, about once a second, "
-                f"for {duration:g} s. By hand will do.",
+                "Turn the robot to the left and back on the floor, by a quarter turn, about once a second, but not "
+                f"evenly, for {duration:g} s. By hand will do.",
                 quiet=as_json,
             )
             headings = observe(stream, robot, duration, time.monotonic, timeout)
@@ -65,27 +68,34 @@ def latency(
 
 def _lines(found: PoseLatency, source: str) -> list[str]:
     """What was found, and what to do about it."""
+    from omniwheel.mocap.bridge import MOST_LATENCY_S
+
     lines = [
-        f"{found.poses} poses, robot turned by {found.turned_rad:.1f} rad to and fro; by the poses {found.scale:.3f} "
-        "times that",
-        f"poses are {1e3 * found.latency_s:.1f} ms older than they say, ± {2e3 * found.sd_s:.1f} ms (95 %); "
-        f"robot's clock ± {1e3 * found.clock_error_s:.0f} ms at most",
+        f"{found.poses} poses; the robot turned by {found.turned_rad:.1f} rad to and fro, and by its poses "
+        f"{found.scale:.3f} times as far",
+        f"poses are {1e3 * found.latency_s:.1f} ms older than they say, ± {1e3 * found.limit_s:.1f} ms (95 %); "
+        f"on top of that the robot's clock, ± {1e3 * found.clock_error_s:.0f} ms at most",
     ]
     if abs(found.scale - 1.0) > WORST_SCALE:
         lines.append("wheels and poses disagree by more than 10 %: identify the robot, or look at its wheels' slip")
-    if abs(found.latency_s) <= max(2.0 * found.sd_s, 1e-3):
-        return [*lines, "nothing to set"]
+    if abs(found.latency_s) <= found.limit_s + found.clock_error_s:
+        return [*lines, "that is nothing, as far as can be seen: nothing to set"]
     if source.startswith(CAMERA):
         return [*lines, _for_camera(found.latency_s, Path(source[len(CAMERA) :]))]
     if found.latency_s < 0.0:
         return [*lines, "the stream says that its poses are older than they are: look at its own settings"]
+    if found.latency_s > MOST_LATENCY_S:
+        return [*lines, TOO_LATE]
     return [*lines, f"give `omni mocap bridge` the option --latency {found.latency_s:.4f}"]
 
 
 def _for_camera(latency_s: float, path: Path) -> str:
+    from omniwheel.mocap.bridge import MOST_LATENCY_S
     from omniwheel.mocap.camera.setup import load_setup
 
     wanted_s = load_setup(path).latency_s + latency_s
+    if wanted_s > MOST_LATENCY_S:
+        return TOO_LATE
     if wanted_s < 0.0:
         return f"set latency_s = 0 in {path}; its driver's times are too early by {-1e3 * wanted_s:.1f} ms"
     return f"set latency_s = {wanted_s:.4f} in {path}"

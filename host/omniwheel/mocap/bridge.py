@@ -42,8 +42,10 @@ FRAME_BYTES_SD = {"compact": 26, "vicon": 128}
 """The same of a fix that does."""
 OVERHEAD_BYTES = 64
 """What may go out at once beside a fix: a TIMESYNC request and a command."""
-MOST_LATENCY_S = 1.0
+MOST_LATENCY_S = 0.24
+"""The robot corrects what was up to 0.25 s ago."""
 _POLL_S = 0.01
+_ANSWER_S = 0.001
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class BridgeSettings:
                 raise SetpointError(f"{name} is {value}; a number above 0 is needed")
         if not 0.0 <= self.latency_s <= MOST_LATENCY_S:
             raise SetpointError(f"latency_s is {self.latency_s}; a number from 0 to {MOST_LATENCY_S:g} is needed")
+        if self.latency_s >= self.max_age_s:
+            raise SetpointError(f"latency_s is {self.latency_s}, but poses older than {self.max_age_s} s are not sent")
 
     @property
     def possible_rate_Hz(self) -> float:
@@ -187,7 +191,7 @@ class Bridge:
 
     def step(self, timeout_s: float) -> None:
         """Take what the source has within ``timeout_s``, send what may be sent, listen to the robot."""
-        pose, overtaken = newest(self._source, timeout_s)
+        pose, overtaken = newest(self._source, min(timeout_s, _ANSWER_S) if self._sync.waiting else timeout_s)
         self.robot.connection.poll(0.0)
         self._sync.serve()
         if pose is not None:

@@ -334,7 +334,7 @@ def test_a_robot_that_does_not_answer_timesync_is_an_error(fake_robot: Callable[
 
 def test_the_command_bridges_a_recording_over_a_serial_line(tmp_path: Any) -> None:
     recording = tmp_path / "still.csv"
-    run("mocap", "record", str(recording), "--source", "simulated", "--for", "1.5")
+    run("mocap", "record", str(recording), "--source", "simulated", "--for", "4")
     process = FirmwareProcess(links=["tcp:127.0.0.1:0", "pty"], parameters={"EKF_GATE": 0.0})
     with process, connect(process.urls[0]) as watcher:
         words = ("--source", f"recorded:{recording}", "--link", f"{process.urls[1]},9600", "--json")
