@@ -31,6 +31,7 @@
     │   ├── MocapSourceError          its name or file cannot be understood        (bad input)
     │   ├── MocapLibraryError         the library that reads it is not installed
     │   ├── MocapLostError            it cannot be reached, or went away
+    │   ├── MocapLatencyError         its latency cannot be told; says what to do
     │   └── CameraError               pictures that cannot tell what was asked for; says what is missing
     ├── HostControlStopError          the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)

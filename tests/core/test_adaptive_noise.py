@@ -68,6 +68,7 @@ class Adaptive:
         return filter_now
 
 
+@pytest.mark.reference
 @pytest.mark.parametrize(("wheels", "mode"), [(3, POSE), (3, SLIP), (4, SLIP)])
 @pytest.mark.parametrize("delay", [(0, 1), (13, 60)])
 def test_late_fixes_are_exact_while_the_levels_change(wheels: int, mode: int, delay: tuple[int, int]) -> None:

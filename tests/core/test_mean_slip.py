@@ -211,6 +211,7 @@ def test_the_parameter_is_a_time_constant() -> None:
         assert config.pose_ekf.mean_rate == pytest.approx(rate)
 
 
+@pytest.mark.reference
 @pytest.mark.parametrize(("wheels", "kind"), [(3, Ekf), (4, Ekf), (3, GyroEkf)])
 @pytest.mark.parametrize("age_ticks", [0, 30, 200])
 def test_a_late_fix_after_a_return_is_exact(wheels: int, kind: type[Ekf], age_ticks: int) -> None:

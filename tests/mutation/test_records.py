@@ -31,6 +31,7 @@ def mutant(number: int) -> Mutant:
     return Mutant("shared/core/src/control/pid.c", "f", "f", "sign", 0, 1, "-", "a = b;", "a = -(b);", number)
 
 
+@pytest.mark.nightly
 def test_every_judged_survivor_is_a_mutant_of_the_tree() -> None:
     known = {found.key for area in areas().values() for found in area.mutants()}
     gone = [judgement for key, judgement in read_judgements().items() if key not in known]

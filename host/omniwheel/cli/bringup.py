@@ -21,7 +21,7 @@ from omniwheel.cli.common import (
     open_robot,
     print_json,
 )
-from omniwheel.cli.options import BaudOption, page_option, takes
+from omniwheel.cli.options import BaudOption, measure_option, page_option, takes
 from omniwheel.cli.robot_options import RobotOptions
 from omniwheel.errors import OutputFileError
 from omniwheel.limits import (
@@ -251,9 +251,7 @@ def drive(
 )
 @takes(RobotOptions)
 def radio_command(
-    duration: Annotated[
-        float, typer.Option("--duration", "-d", "--for", min=1.0, metavar="S", help="How long to measure.")
-    ] = 10.0,
+    duration: Annotated[float, measure_option(1.0)] = 10.0,
     baud: BaudOption = RADIO_BAUD,
     loss: Annotated[
         float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the messages that may get lost.")

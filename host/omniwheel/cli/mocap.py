@@ -69,7 +69,7 @@ def bridge(
     ] = MOCAP_MAX_AGE_S,
     latency: Annotated[
         float,
-        typer.Option("--latency", metavar="S", help="How much older poses are than they say; see omni mocap latency."),
+        typer.Option("--older-by", metavar="S", help="How much older poses are than they say; see omni mocap latency."),
     ] = 0.0,
     duration: DurationOption = math.inf,
     seed: OwnSeedOption = 1,

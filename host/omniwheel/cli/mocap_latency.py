@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, link_url, note, print_json
-from omniwheel.cli.options import OwnSeedOption, SourceOption
+from omniwheel.cli.options import OwnSeedOption, SourceOption, measure_option
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
 if TYPE_CHECKING:
@@ -30,9 +30,7 @@ WORST_SCALE = 0.1
 
 def latency(
     source: SourceOption,
-    duration: Annotated[
-        float, typer.Option("--duration", "-d", "--for", min=10.0, max=600.0, metavar="S", help="How long to watch.")
-    ] = 20.0,
+    duration: Annotated[float, measure_option(10.0)] = 20.0,
     seed: OwnSeedOption = 1,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
@@ -86,7 +84,7 @@ def _lines(found: PoseLatency, source: str) -> list[str]:
         return [*lines, "the stream says that its poses are older than they are: look at its own settings"]
     if found.latency_s > MOST_LATENCY_S:
         return [*lines, TOO_LATE]
-    return [*lines, f"give `omni mocap bridge` the option --latency {found.latency_s:.4f}"]
+    return [*lines, f"give `omni mocap bridge` the option --older-by {found.latency_s:.4f}"]
 
 
 def _for_camera(latency_s: float, path: Path) -> str:

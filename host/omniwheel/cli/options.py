@@ -169,3 +169,8 @@ def takes(kind: type[Any], **defaults: Any) -> Callable[[Callable[..., None]], C
         return flat
 
     return decorate
+
+
+def measure_option(least_s: float) -> Any:
+    """Return the option of a command that measures for a while, at least ``least_s``."""
+    return typer.Option("--duration", "-d", "--for", min=least_s, metavar="S", help="How long to measure.")

@@ -154,6 +154,7 @@ def test_turning_by_direction_is_chosen_where_wheels_do_turn_so_and_tells_a_new_
     assert off[0] < 0.5 * off[1]
 
 
+@pytest.mark.nightly
 def test_real_runs_left_out_are_as_near_as_wanted(real_logs: Path) -> None:
     """Wanted: 45 mm on the measured heading, 60 mm by the wheels alone."""
     robot = read_robot(ROBOT_FOLDER / "robot.toml")

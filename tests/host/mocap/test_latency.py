@@ -276,7 +276,7 @@ def test_the_command_says_what_to_set(tmp_path: Path, monkeypatch: pytest.Monkey
     assert last(0.0025, "vicon:1.2.3.4/r").endswith("nothing to set")
     assert last(-0.0025, f"camera:{camera}").endswith("nothing to set")
     assert last(0.3, "vicon:1.2.3.4/r") == last(0.235, f"camera:{camera}") == mocap_latency.TOO_LATE
-    assert last(0.03, "vicon:1.2.3.4/r").endswith("--latency 0.0300")
+    assert last(0.03, "vicon:1.2.3.4/r").endswith("--older-by 0.0300")
     assert "older than they are" in last(-0.03, "vicon:1.2.3.4/r")
     assert last(0.03, f"camera:{camera}") == f"set latency_s = 0.0400 in {camera}"
     assert last(-0.004, f"camera:{camera}") == f"set latency_s = 0.0060 in {camera}"
@@ -301,7 +301,7 @@ def test_the_command_prints_and_ends_with_an_error_code(monkeypatch: pytest.Monk
         told, as_json, refused = (CliRunner().invoke(app, [*command, *more]) for more in ([], ["--json"], []))
     assert told.exit_code == 0
     assert "Turn the robot to the left and back" in told.output
-    assert "--latency 0.03" in told.output
+    assert "--older-by 0.03" in told.output
     assert json.loads(as_json.stdout)["latency_s"] == pytest.approx(0.03, abs=0.001)
     assert refused.exit_code == 1
     assert "which is too little" in refused.output
