@@ -12,7 +12,7 @@ import pytest
 from omniwheel.errors import OutputFileError
 from omniwheel.studio.actions import BadRequestError
 from omniwheel.studio.views import LONGEST_KEY, MOST_PLOTS, checked_view, read_view, view_file, write_view
-from tests.studio.parts import Opener, Program, until
+from tests.studio.parts import Opener, Program, take_over, until
 
 PLOT = {"keys": ["tracking.pose.x"], "xy": False}
 VIEW = {"plots": [PLOT, {"keys": ["tracking.pose.x", "tracking.pose.y"], "xy": True}], "span_s": 30.0}
@@ -62,6 +62,8 @@ def test_nonsense_is_not_kept(view: Any) -> None:
 def test_an_xy_plot_and_the_span_are_there_again_in_another_browser(shared_studio: Program, open_page: Opener) -> None:
     page = open_page(shared_studio.url)
     until(page, "robot?.pose && state.link.phase === 'connected'")
+    take_over(page)  # the page of the test before may still be there, and only the one that commands keeps its view
+    until(page, "state.commands === 'this page'")
     number = page.locator("#panels .panel").count() + 1
     page.click("#add-xy")
     page.get_by_label(f"x of XY plot {number}").select_option("tracking.reference.x")
