@@ -11,7 +11,7 @@ import typer
 
 from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, link_url, note, print_json
 from omniwheel.cli.options import OwnSeedOption, SourceOption, measure_option
-from omniwheel.limits import DEFAULT_TIMEOUT_S
+from omniwheel.limits import DEFAULT_TIMEOUT_S, MOCAP_MAX_AGE_S
 
 if TYPE_CHECKING:
     from omniwheel.mocap.latency import PoseLatency
@@ -23,7 +23,7 @@ EXAMPLES = {
     )
 }
 CAMERA = "camera:"
-TOO_LATE = "that is too late: the robot corrects what was up to 0.25 s ago. Use smaller or fewer pictures, or a cable"
+TOO_LATE = "that is too late: the mocap bridge sends no poses older than 0.2 s. Make the stream faster"
 WORST_SCALE = 0.1
 """What poses and wheels may disagree on a turn. Slip takes some of that."""
 
@@ -66,8 +66,6 @@ def latency(
 
 def _lines(found: PoseLatency, source: str) -> list[str]:
     """What was found, and what to do about it."""
-    from omniwheel.mocap.bridge import MOST_LATENCY_S
-
     lines = [
         f"{found.poses} poses; the robot turned by {found.turned_rad:.1f} rad to and fro, and by its poses "
         f"{found.scale:.3f} times as far",
@@ -82,17 +80,16 @@ def _lines(found: PoseLatency, source: str) -> list[str]:
         return [*lines, _for_camera(found.latency_s, Path(source[len(CAMERA) :]))]
     if found.latency_s < 0.0:
         return [*lines, "the stream says that its poses are older than they are: look at its own settings"]
-    if found.latency_s > MOST_LATENCY_S:
+    if found.latency_s >= MOCAP_MAX_AGE_S:
         return [*lines, TOO_LATE]
     return [*lines, f"give `omni mocap bridge` the option --older-by {found.latency_s:.4f}"]
 
 
 def _for_camera(latency_s: float, path: Path) -> str:
-    from omniwheel.mocap.bridge import MOST_LATENCY_S
     from omniwheel.mocap.camera.setup import load_setup
 
     wanted_s = load_setup(path).latency_s + latency_s
-    if wanted_s > MOST_LATENCY_S:
+    if wanted_s >= MOCAP_MAX_AGE_S:
         return TOO_LATE
     if wanted_s < 0.0:
         return f"set latency_s = 0 in {path}; its driver's times are too early by {-1e3 * wanted_s:.1f} ms"
