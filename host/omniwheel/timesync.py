@@ -15,6 +15,7 @@ from statistics import median
 
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import LinkTimeoutError
 
 DRIFT = 1e-4
 """How fast the two clocks may part, s/s: two crystals of 50 ppm."""
@@ -22,10 +23,13 @@ ROBOT_RESOLUTION_S = 1e-3
 """The robot tells the time of its latest tick."""
 RESTART_S = 0.25
 """No healthy sample is off by this much."""
+ANSWER_S = 0.25
+"""Longer than an answer takes over any link that is of use."""
 _SAMPLES = 32
 _PENDING = 8
 _QUICK_SAMPLES = 8
 _QUICK_PERIOD_S = 0.1
+_WAIT_S = 0.01
 
 
 @dataclass(frozen=True)
@@ -88,7 +92,19 @@ class TimeSync:
     def waiting(self) -> bool:
         """Whether an answer may come any moment. It is timed when it is read, so whoever reads should hurry."""
         now_s = self._connection.clock()
-        return any(now_s - stamp_ns * 1e-9 < RESTART_S for stamp_ns in self._pending)
+        return any(now_s - stamp_ns * 1e-9 < ANSWER_S for stamp_ns in self._pending)
+
+    def wait(self, timeout_s: float) -> None:
+        """Ask until the robot has answered. Raises LinkTimeoutError."""
+        end_s = self._connection.clock() + timeout_s
+        while not self.synchronised:
+            self.serve()
+            self._connection.poll(_WAIT_S)
+            if self._connection.clock() > end_s:
+                raise LinkTimeoutError(
+                    f"the robot does not answer TIMESYNC within {timeout_s:g} s",
+                    hint="does the radio carry both directions, and is nothing else using all of it?",
+                )
 
     @property
     def synchronised(self) -> bool:

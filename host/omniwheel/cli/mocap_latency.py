@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,7 +22,7 @@ EXAMPLES = {
     )
 }
 CAMERA = "camera:"
-TOO_LATE = "that is too late: the mocap bridge sends no poses older than 0.2 s. Make the stream faster"
+TOO_LATE = f"that is too late: the mocap bridge sends no poses older than {MOCAP_MAX_AGE_S:g} s. Make the stream faster"
 WORST_SCALE = 0.1
 """What poses and wheels may disagree on a turn. Slip takes some of that."""
 
@@ -53,7 +52,7 @@ def latency(
                 f"evenly, for {duration:g} s. By hand will do.",
                 quiet=as_json,
             )
-            headings = observe(stream, robot, duration, time.monotonic, timeout)
+            headings = observe(stream, robot, duration, timeout)
     finally:
         stream.close()
     found = pose_latency(headings)

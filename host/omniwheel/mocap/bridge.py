@@ -153,7 +153,11 @@ class Bridge:
         self._sync = TimeSync(self.robot.connection)
         self._waiting: MocapPose | None = None
         self._latency_sum_s = 0.0
-        self._wait_for_clock(timeout_s)
+        try:
+            self._sync.wait(timeout_s)
+        except LinkTimeoutError:
+            self.close()
+            raise
         self._start_s = self._next_s = clock()
 
     def __enter__(self) -> Bridge:
@@ -165,18 +169,6 @@ class Bridge:
     def close(self) -> None:
         """Close the link; the source stays the caller's."""
         self.robot.close()
-
-    def _wait_for_clock(self, timeout_s: float) -> None:
-        end_s = self._clock() + timeout_s
-        while not self._sync.synchronised:
-            self._sync.serve()
-            self.robot.connection.poll(_POLL_S)
-            if self._clock() > end_s:
-                self.close()
-                raise LinkTimeoutError(
-                    f"the robot does not answer TIMESYNC within {timeout_s:g} s",
-                    hint="does the radio carry both directions, and is nothing else using all of it?",
-                )
 
     def run(self, duration_s: float, progress: Callable[[BridgeCounts], None] | None = None) -> BridgeCounts:
         """Serve for ``duration_s`` or until the source ends; ``progress`` is called about once per second."""

@@ -10,7 +10,6 @@ standard deviation. Lag of the robot's own heading is not seen: a gyro's filter,
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
-from omniwheel.errors import LinkTimeoutError, MocapLatencyError, OmniError
+from omniwheel.errors import MocapLatencyError, OmniError
 from omniwheel.mocap.source import MocapSource
 from omniwheel.robot import Robot
 from omniwheel.timesync import TimeSync
@@ -41,6 +40,8 @@ _LEAST_PIECES = 4.0
 _ROUGH_ORDER = 3
 _LONGEST_GAP_S = 0.06
 _POLL_S = 0.002
+_SETTLE_S = 1.0
+"""The first answers of the clock come quickly one after another: the best of them is good."""
 
 
 @dataclass(frozen=True)
@@ -75,15 +76,13 @@ class Headings:
     clock_error_s: float = 0.0
 
 
-def observe(
-    source: MocapSource, robot: Robot, duration_s: float, clock: Callable[[], float], timeout_s: float
-) -> Headings:
+def observe(source: MocapSource, robot: Robot, duration_s: float, timeout_s: float) -> Headings:
     """Watch poses and robot for ``duration_s``. Nothing moves, and the robot gets no fixes from here.
 
-    ``clock`` tells the time of source and connection. Raises LinkTimeoutError, and MocapLatencyError if the robot was
-    restarted meanwhile, or gets fixes from elsewhere: it would follow the poses then.
+    ``source`` and the robot's connection must tell the same time. Raises LinkTimeoutError, and MocapLatencyError if the
+    robot was restarted meanwhile, or gets fixes from elsewhere: it would follow the poses then.
     """
-    sync = TimeSync(robot.connection)
+    clock, sync = robot.connection.clock, TimeSync(robot.connection)
     samples: list[Message] = []
     counted: list[Message] = []
     taken = {"OMNI_SAMPLE": samples, "OMNI_CONTROL": counted}
@@ -91,7 +90,11 @@ def observe(
     seen: list[tuple[float, float]] = []
     worst_s = 0.0
     try:
-        _wait_for_clock(sync, robot, clock, timeout_s)
+        sync.wait(timeout_s)
+        settled_s = clock() + _SETTLE_S
+        while clock() < settled_s:
+            sync.serve()
+            robot.connection.poll(_POLL_S)
         for message, rate_hz in (("OMNI_SAMPLE", SAMPLE_HZ), ("OMNI_CONTROL", 5.0)):
             robot.set_message_interval(message, rate_hz)
         samples.clear()
@@ -102,9 +105,10 @@ def observe(
             pose = source.read(0.0)
             robot.connection.poll(_POLL_S)
             sync.serve()
-            if pose is not None and sync.best is not None:
-                worst_s = max(worst_s, sync.best.error_s(clock()))
-                seen.append((pose.taken_s + sync.best.offset_s, pose.pose.theta))
+            best = sync.best
+            if pose is not None and best is not None:
+                worst_s = max(worst_s, best.error_s(clock()))
+                seen.append((pose.taken_s + best.offset_s, pose.pose.theta))
     finally:
         remove()
         sync.close()
@@ -122,19 +126,6 @@ def observe(
     poses = np.array(seen, dtype=np.float64).reshape(-1, 2)
     motion = np.array([(m.time_us * 1e-6, m.pose[2]) for m in samples], dtype=np.float64).reshape(-1, 2)
     return Headings(poses[:, 0], poses[:, 1], motion[:, 0], motion[:, 1], worst_s)
-
-
-def _wait_for_clock(sync: TimeSync, robot: Robot, clock: Callable[[], float], timeout_s: float) -> None:
-    end_s = clock() + timeout_s
-    answered_s = None
-    # The first answers come quickly one after another: the best of a second of them is good.
-    while answered_s is None or clock() < answered_s + 1.0:
-        sync.serve()
-        robot.connection.poll(_POLL_S)
-        if sync.synchronised and answered_s is None:
-            answered_s = clock()
-        if answered_s is None and clock() > end_s:
-            raise LinkTimeoutError(f"the robot does not answer TIMESYNC within {timeout_s:g} s")
 
 
 def pose_latency(headings: Headings) -> PoseLatency:

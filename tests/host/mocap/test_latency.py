@@ -5,8 +5,10 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -86,12 +88,27 @@ def swinging(late_s: float) -> Iterator[tuple[Late, Robot]]:
 def test_the_real_firmware_tells_how_late_poses_are(late_s: float) -> None:
     """Its wheels slip by up to 10 %, poses come at 30 Hz with 3 mrad of noise."""
     with swinging(late_s) as (source, robot):
-        found = pose_latency(observe(source, robot, 15.0, source.clock, 2.0))
+        found = pose_latency(observe(source, robot, 15.0, 2.0))
     assert found.latency_s == pytest.approx(late_s, abs=found.limit_s + found.clock_error_s)
     assert found.limit_s < 0.004
     assert found.clock_error_s < 0.004
     assert found.scale == pytest.approx(1.0, abs=0.1)
     assert found.poses > 300
+
+
+def test_the_command_watches_the_real_firmware(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All of the command runs, in simulated time."""
+    with swinging(0.05) as (source, _):
+        monkeypatch.setattr("omniwheel.mocap.streams.open_source", lambda *_, **__: source)
+        monkeypatch.setattr("omniwheel.hub.shared_link.open_shared", lambda *_, **__: source.lab)
+        monkeypatch.setattr(source.lab, "close", lambda: None)  # the robot that swings needs it, too
+        monkeypatch.setattr("omniwheel.robot.connect", partial(connect, clock=source.clock))
+        words = ["mocap", "latency", "--source", "vicon:here/robot", "--link", "tcp:127.0.0.1:1", "--duration", "15"]
+        told = CliRunner().invoke(app, words)
+    assert told.exit_code == 0, told.output
+    said = re.search(r"give `omni mocap bridge` the option --older-by (0[.]\d+)", told.output.replace("\n", " "))
+    assert said is not None, told.output
+    assert float(said[1]) == pytest.approx(0.05, abs=0.008)
 
 
 def test_a_bridge_that_is_told_sends_poses_with_the_time_at_which_they_were_taken() -> None:
@@ -121,7 +138,7 @@ def test_the_rates_are_given_back_also_after_an_error() -> None:
 
         source.read = lost  # type: ignore[method-assign]
         with pytest.raises(MocapLostError):
-            observe(source, robot, 3.0, source.clock, 2.0)
+            observe(source, robot, 3.0, 2.0)
         came: list[str] = []
         robot.connection.add_listener(lambda message: came.append(message.get_type()))
         robot.pump(0.5)
@@ -141,14 +158,14 @@ def test_fixes_from_elsewhere_are_noticed() -> None:
 
         source.read = and_fixed  # type: ignore[method-assign]
         with pytest.raises(MocapLatencyError, match="from another program"):
-            observe(source, robot, 3.0, source.clock, 2.0)
+            observe(source, robot, 3.0, 2.0)
 
 
 def test_a_robot_that_is_silent_is_said() -> None:
     with swinging(0.0) as (source, robot):
         robot.connection.link.write = lambda data: None  # type: ignore[method-assign]
         with pytest.raises(LinkTimeoutError, match="TIMESYNC"):
-            observe(source, robot, 10.0, source.clock, 1.0)
+            observe(source, robot, 10.0, 1.0)
 
 
 def turned(time_s: Array) -> Array:
