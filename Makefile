@@ -16,7 +16,7 @@ C_FILES = $(shell find shared/core shared/link firmware hil_sim host/native test
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
-.PHONY: help setup demo test lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
+.PHONY: help setup demo test test-all lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
         mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'Begin here'
@@ -26,7 +26,8 @@ help:
 	@echo '  make studio-page  only the page of it (omni studio needs it)'
 	@echo '  make docs         the documentation as pages: build/docs/html/index.html'
 	@echo 'Change something'
-	@echo '  make test         set up, then run the tests (make test ARGS="-k ekf" WORKERS=2)'
+	@echo '  make test         set up, then run the fast tests (make test ARGS="tests/core -k ekf" WORKERS=2)'
+	@echo '  make test-all     and those with processes, browsers, boards, images, commands, recipes'
 	@echo '  make lint         formatters, linters, types, import directions, prose'
 	@echo '  make lint-page    the linter of the studio'\''s page (part of make lint)'
 	@echo '  make prose        long sentences and inside words of the documentation (part of make lint)'
@@ -116,10 +117,13 @@ studio: setup studio-page
 demo: $(VENV)/stamp-install
 	$(BIN)/omni demo $(ARGS)
 
-# A test that crashes its process is not tried again: it would crash the next one, too. Files of few but long tests would
-# come last, on one processor, if they were sorted by their number of tests.
+# A test that crashes its process is not tried again: it would crash the next one, too.
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --max-worker-restart 0
 test: setup studio-page
-	$(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder --max-worker-restart 0 $(ARGS)
+	$(PYTEST) $(ARGS)
+
+test-all: setup studio-page
+	$(PYTEST) --tier all $(ARGS)
 
 bench: setup
 	$(BIN)/python -m bench $(ARGS)
@@ -199,7 +203,7 @@ format: $(VENV)/stamp-lint
 	$(BIN)/ruff format $(PYTHON_DIRS)
 	clang-format -i $(C_FILES)
 
-parity: $(VENV)/stamp-install
+parity: setup
 	.ci/parity $(VENV) $(ARGS)
 
 budgets: $(VENV)/stamp-install

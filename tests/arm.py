@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import shlex
-import shutil
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,6 +18,7 @@ import pytest
 from omniwheel.emulated_firmware import EMULATOR, MACHINE
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 from tests.native import ROOT, WARNINGS, generated_dir
+from tests.needs import need, refuse
 
 BOARD = ROOT / "firmware" / "boards" / "mps2_an500"
 COMPILERS = {".c": "arm-none-eabi-gcc", ".cpp": "arm-none-eabi-g++"}
@@ -30,7 +30,7 @@ LINK = ("-nostartfiles", "-T", str(BOARD / "base" / "an500.ld"), "-Wl,--gc-secti
 
 def need_emulator() -> None:
     """Skip the test where compiler or emulator are missing; on CI they must be there."""
-    _need([program for program in (*COMPILERS.values(), EMULATOR) if shutil.which(program) is None])
+    need("arm", "qemu")
 
 
 def need_emulated_firmware() -> None:
@@ -40,19 +40,11 @@ def need_emulated_firmware() -> None:
     """
     if os.environ.get("OMNI_SANITIZED"):
         pytest.skip("the sanitizers see nothing of an emulated firmware")
-    missing = [] if shutil.which(EMULATOR) else [EMULATOR]
+    need("arm", "qemu")
     try:
         emulated_firmware_path()
     except MissingFileError:
-        missing.append("omni-firmware-mps2.elf")
-    _need(missing)
-
-
-def _need(missing: Sequence[str]) -> None:
-    if missing and os.environ.get("CI") == "true":
-        pytest.fail(f"not there: {', '.join(missing)}")
-    if missing:
-        pytest.skip(f"not there: {', '.join(missing)}")
+        refuse("make setup")
 
 
 def build_program(

@@ -6,9 +6,12 @@ from __future__ import annotations
 import os
 import signal
 import tempfile
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import settings
+
+from tests import needs, tiers
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=3000, deadline=None)
@@ -24,13 +27,35 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    tiers.add_options(parser)
+
+
 def pytest_configure(config: pytest.Config) -> None:
     """Make warnings errors in CI, where somebody reads them, and not at a user's with other versions of libraries."""
+    tiers.choose_tier(config)
     if os.environ.get("CI"):
         for kind in ("RuntimeWarning", "DeprecationWarning", "FutureWarning", "UserWarning"):
             config.addinivalue_line("filterwarnings", f"error::{kind}")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the studio: its files are the longest, and one that starts last keeps a single worker busy."""
-    items.sort(key=lambda item: "studio" not in item.path.parts)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    tiers.select(config, items)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[None]:
+    yield from tiers.end_when_stuck(item)
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    for marker in item.iter_markers("needs"):
+        needs.need(*marker.args)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Say what was not tested here, and what to install."""
+    if lines := needs.Skips.of(terminalreporter.stats.get("skipped", [])).table():
+        terminalreporter.section("not tested here")
+        for line in lines:
+            terminalreporter.write_line(line)

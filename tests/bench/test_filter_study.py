@@ -42,7 +42,7 @@ def same_heading(angle: npt.NDArray[np.float64], like: npt.NDArray[np.float64]) 
     [
         filter_study_numpy.run,
         filter_study_filterpy.run,
-        pytest.param(by_octave, marks=pytest.mark.skipif(not octave.installed(), reason="GNU Octave not installed")),
+        pytest.param(by_octave, marks=pytest.mark.needs("octave")),
     ],
 )
 def test_a_peer_with_our_noise_goes_our_way(name: str, run: Callable[[FilterModel, Array], FilterRun]) -> None:

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.reference
 STEPS = 300
 PEERS = [
     "tiny",
-    pytest.param("eigen", marks=pytest.mark.skipif(not build.has_eigen(), reason="Eigen not installed")),
+    pytest.param("eigen", marks=pytest.mark.needs("eigen")),
 ]
 
 
@@ -40,7 +40,7 @@ def test_a_peers_filters_end_where_ours_do(program: Path, peer: str) -> None:
     np.testing.assert_allclose(theirs["motor_p"], ours["motor_p"], rtol=1e-4)
 
 
-@pytest.mark.skipif(not build.has_eigen(), reason="Eigen not installed")
+@pytest.mark.needs("eigen")
 def test_the_filter_with_eigen_that_does_what_ours_does_ends_where_ours_does(program: Path) -> None:
     ours, theirs = (run(program, f"{name}_pose", str(STEPS)) for name in ("core", "eigen_late"))
     np.testing.assert_allclose(theirs["pose"], ours["pose"], atol=2e-6)

@@ -3,29 +3,24 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import subprocess
 from pathlib import Path
 
-import pytest
-
 from tests.native import ROOT, generated_dir
+from tests.needs import need
 
 CORE = ROOT / "shared" / "core"
 
 
 def test_a_path_is_refused_without_converting_what_does_not_fit(tmp_path: Path) -> None:
-    clang = shutil.which("clang")
-    if clang is None and os.environ.get("CI") != "true":
-        pytest.skip("clang is not installed")
+    need("clang")
     program = tmp_path / "refused_paths"
     sources = [path for room in ("trajectory", "kinematics", "math") for path in (CORE / "src" / room).glob("*.c")]
     flags = ["-std=c99", "-O1", "-ffp-contract=off", "-fsanitize=float-cast-overflow", "-fno-sanitize-recover=all"]
     includes = [f"-I{path}" for path in (CORE / "include", generated_dir() / "include")]
     main = ROOT / "tests" / "core" / "refused_paths.c"
     subprocess.run(
-        [str(clang), *flags, *includes, *map(str, sources), str(main), "-o", str(program)], check=True, timeout=300
+        ["clang", *flags, *includes, *map(str, sources), str(main), "-o", str(program)], check=True, timeout=300
     )
     done = subprocess.run([str(program)], capture_output=True, text=True, check=False, timeout=60)
     assert done.returncode == 0, done.stdout + done.stderr

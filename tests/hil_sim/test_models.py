@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import os
 import re
-import shutil
 import subprocess
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -20,6 +19,7 @@ from hil_sim.models.parts import KEYS, RobotParts, robot_parts
 from omniwheel.cli import app
 from omniwheel.robots import find_robot_file, read_robot
 from tests.native import ROOT
+from tests.needs import need
 
 ROBOTS = ("three_wheel", "fast_three_wheel", "four_wheel")
 
@@ -150,18 +150,16 @@ def test_a_ros_parser_reads_the_urdf(robot: str, tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def sdf_reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Gazebo's own parser of SDF: a program around the library of the SDF project (Debian: libsdformat-dev)."""
-    flags = subprocess.run(["pkg-config", "--cflags", "--libs", "sdformat12"], capture_output=True, text=True)
-    if flags.returncode != 0:
-        if os.environ.get("CI") == "true":
-            pytest.fail("libsdformat-dev is not installed")
-        pytest.skip("needs libsdformat-dev and pkg-config")
+    need("sdformat")
+    flags = subprocess.run(
+        ["pkg-config", "--cflags", "--libs", "sdformat12"], capture_output=True, text=True, check=True
+    )
     program = tmp_path_factory.mktemp("sdf") / "sdf_reader"
     source = Path(__file__).with_name("sdf_reader.cpp")
     subprocess.run(["c++", str(source), "-o", str(program), *flags.stdout.split()], check=True)
     return program
 
 
-@pytest.mark.skipif(shutil.which("pkg-config") is None and os.environ.get("CI") != "true", reason="needs pkg-config")
 @pytest.mark.parametrize("ending", ["sdf", "urdf"])
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_gazebos_parser_understands_the_same_robot(sdf_reader: Path, robot: str, ending: str, tmp_path: Path) -> None:

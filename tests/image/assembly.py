@@ -10,6 +10,8 @@ from pathlib import Path
 
 from elftools.elf.elffile import ELFFile
 
+from tests.needs import need
+
 FLASH = 0x60000000
 IMAGE_AT = 0x2000
 RAM = 0x20000000
@@ -72,7 +74,11 @@ class Program:
 
 
 def assemble(source: str, folder: Path) -> Program:
-    """Assemble ``source``: its ``main`` runs with r7 at ``RAM`` and branches to ``done`` in the end."""
+    """Assemble ``source``: its ``main`` runs with r7 at ``RAM`` and branches to ``done`` in the end.
+
+    Skips the test without an assembler.
+    """
+    need("arm")
     text = folder / "program.s"
     text.write_text(_PROLOGUE + source + "\n.pool\n", encoding="ascii")
     program = folder / "program.elf"

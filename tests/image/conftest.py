@@ -10,6 +10,7 @@ import pytest
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omniwheel.robots import read_robot
 from tests.image import flashed
+from tests.needs import need
 
 if TYPE_CHECKING:  # these need the emulator, which other tests of this folder do without
     from hil_sim.image_file import Image
@@ -22,9 +23,8 @@ WorldMaker = Callable[..., World]
 @pytest.fixture(scope="session")
 def image() -> Path:
     """Path of the image that `make firmware` linked; skips without it."""
-    path = flashed.image_path()
-    flashed.need(flashed.missing_image(path))
-    return path
+    need("image")
+    return flashed.image_path()
 
 
 @pytest.fixture(scope="session")

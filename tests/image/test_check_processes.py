@@ -16,7 +16,8 @@ from hil_sim.image_check.bench import Context
 from hil_sim.image_check.check import Check
 from hil_sim.image_check.run import outcome_page, run_checks
 from omniwheel.errors import FirmwareStartError
-from tests.image.flashed import image_path, missing_image, need
+from tests.image.flashed import image_path
+from tests.needs import need
 
 
 def _act(what: int) -> int:
@@ -52,7 +53,7 @@ def _dies(_context: Context) -> list[str]:
 
 @pytest.mark.skipif(multiprocessing.get_start_method() != "fork", reason="the checks of this test are not imported")
 def test_a_check_whose_process_dies_is_reported_as_failed_beside_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
-    need(missing_image(image_path()))
+    need("image")
     checks = (Check("first", "fine", _fine), Check("second", "dies", _dies), Check("third", "fine", _fine))
     monkeypatch.setattr(run, "all_checks", lambda: checks)
     told: list[str] = []
@@ -67,7 +68,7 @@ def test_a_check_without_the_pcs_firmware_says_that_it_could_not_run(monkeypatch
     def lacks(_context: Context) -> list[str]:
         raise FirmwareStartError("the firmware did not start")
 
-    need(missing_image(image_path()))
+    need("image")
     monkeypatch.setattr(run, "all_checks", lambda: (Check("loop", "compares", lacks),))
     outcome = run.run_one(image_path(), "three_wheel", "ci", 1, "loop")
     assert outcome.failure == f"{run.NOT_RUN}the firmware did not start"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.image import flashed
+from tests.needs import need
 
-flashed.need(flashed.missing_for_guests(), module=True)
+need("arm", module=True)
 
 from tests.image.elf_call import DOUBLE_HELPER, CallError, ElfCall  # noqa: E402
 

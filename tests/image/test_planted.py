@@ -9,10 +9,10 @@ from pathlib import Path
 import pytest
 
 from hil_sim.image_check.run import all_checks
-from tests.image.flashed import image_path, missing_image, need
 from tests.image.planted.bugs import KIT, ROOT, Bug, Tree, all_bugs, read_bug
 from tests.image.planted.page import PAGE, filled_in, finders, table
 from tests.image.planted.search import Result, Search
+from tests.needs import need, refuse
 
 WANTED = 20
 QUICKEST = ("encoders-priority", "oe-glitch")
@@ -75,8 +75,9 @@ def test_a_patch_without_a_head_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.nightly
 def test_the_quickest_are_built_and_found(tmp_path: Path) -> None:
-    need(missing_image(image_path()))
-    need([] if KIT.is_dir() else [f"{KIT} (make firmware-build-check)"])
+    need("image")
+    if not KIT.is_dir():
+        refuse("make firmware-build-check")
     bugs = {bug.name: bug for bug in all_bugs()}
     told = finders(PAGE.read_text(encoding="utf-8"))
     tree = Tree(tmp_path / "tree")

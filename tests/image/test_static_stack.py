@@ -19,6 +19,7 @@ from tests.image.static.code import CodeError, Program
 from tests.image.static.running import calls_seen, interrupts, running, used_stack, work
 from tests.image.static.stack import Stack, depths_of
 from tests.image.static.whole import heap_functions, whole_stack
+from tests.needs import need
 
 FLAGS = (
     "-mcpu=cortex-m7 -mthumb -mfloat-abi=hard -mfpu=fpv5-d16 -ffunction-sections -O3 -ffp-contract=off -fno-math-errno"
@@ -29,7 +30,7 @@ WATCHED_S, CALLS_WATCHED = 0.02, 60
 
 def linked(folder: Path, *sources: Path, flags: str = "") -> Path:
     """Compile and link for the Cortex-M7; the compiler leaves its own stack figures (.su) in the folder."""
-    flashed.need(flashed.missing_for_guests())
+    need("arm")
     core = flashed.ROOT / "shared/core"
     folders = [f"-I{path}" for path in (core / "include", folder / "generated" / "include")]
     words = [*FLAGS.split(), *flags.split(), "-g", "-fstack-usage", *folders]

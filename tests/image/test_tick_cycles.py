@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.image import flashed
+from tests.needs import need
 
-flashed.need(flashed.missing_for_guests() + flashed.missing_for_model(), module=True)
+need("arm", "llvm", module=True)
 
 from tests.image.cortex_m7_model import Instruction, ModelError, costs, disassemble, in_order  # noqa: E402
 from tests.image.edge_cycles import measure_edges  # noqa: E402

@@ -9,8 +9,9 @@ import pytest
 from rich.console import Console
 
 from tests.image import flashed
+from tests.needs import need
 
-flashed.need(flashed.missing_for_guests(), module=True)
+need("arm", module=True)
 
 from elftools.elf.elffile import ELFFile  # noqa: E402
 from unicorn import UC_HOOK_BLOCK  # noqa: E402
@@ -40,7 +41,7 @@ def test_the_tick_inside_the_image_gives_the_same_bits(image: Path) -> None:
 
 @pytest.mark.nightly
 def test_the_tick_of_a_newer_compiler_gives_the_same_bits() -> None:
-    flashed.need(flashed.missing_newer_gcc())
+    need("newer-gcc")
     good, words = agree(NewerCore(flashed.newer_gcc()), TICKS)
     assert good, words
 

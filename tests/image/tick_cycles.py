@@ -21,6 +21,7 @@ from rich.console import Console
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.image import flashed
+from tests.needs import remedies
 from tests.parity.budget_page import CASES, CLOCK_MHZ, TICK_US, replace_block
 from tests.parity.budgets import PAGE, read_recorded, too_large
 from tests.parity.builds import BuildError
@@ -98,9 +99,8 @@ def main() -> int:
     options = parser.parse_args()
     console = Console(soft_wrap=True, highlight=False)
     image = flashed.image_path()
-    lacking = flashed.missing_for_guests() + flashed.missing_for_model() + flashed.missing_image(image)
-    if lacking:
-        console.print(f"not there: {', '.join(lacking)}", style="red", markup=False)
+    if lacking := remedies("arm", "llvm", "image"):
+        console.print(f"Nothing was measured. First: {lacking}", style="red", markup=False)
         return 1 if os.environ.get("CI") == "true" or options.write else 0
     from tests.image.cortex_m7_model import ModelError, version
     from tests.image.edge_cycles import measure_edges

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +19,7 @@ from rich.console import Console
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
+from tests.needs import NEEDS, missing, remedies
 from tests.parity.builds import EXTRA, GATE, BuildError, generate, usable
 
 GATE_TICKS = 1_000_000
@@ -110,16 +111,16 @@ def flashed() -> tuple[list[Core], list[str]]:
     """Return the cores of the flashed image and of a newer gcc, and what is missing for each that cannot be run."""
     from tests.image import flashed
 
-    missing = flashed.missing_for_guests()
-    if missing:
-        return [], missing
+    if lacking := remedies("arm"):
+        return [], [lacking]
     from tests.image.parity_cores import FlashedCore, NewerCore
 
-    image, newer = flashed.image_path(), flashed.newer_gcc()
-    without_image, without_newer = flashed.missing_image(image), flashed.missing_newer_gcc()
-    cores: list[Core] = [] if without_image else [FlashedCore(image)]
-    cores += [] if without_newer else [NewerCore(newer)]
-    return cores, without_image + without_newer
+    kinds: dict[str, Callable[[], Core]] = {
+        "image": lambda: FlashedCore(flashed.image_path()),
+        "newer-gcc": lambda: NewerCore(flashed.newer_gcc()),
+    }
+    absent = missing(*kinds)
+    return [make() for kind, make in kinds.items() if kind not in absent], [NEEDS[kind].remedy for kind in absent]
 
 
 def main() -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
+from tests.needs import need
 from tests.parity.budget_figures import whole_tick
 from tests.parity.budget_page import UPDATES, bus_us
 from tests.parity.budgets import LIMITS, PAGE, read_recorded, too_large
@@ -20,9 +21,8 @@ from tests.parity.stack_bound import LIBRARY_BYTES, StackBoundError, read_call_g
 @pytest.mark.nightly
 def test_fused_multiply_add_is_found_and_located() -> None:
     fused = Build("cortex-m7-fused", "arm-none-eabi-gcc", "-ffp-contract=fast")
-    builds, missing = usable([GATE[0], fused])
-    if missing:
-        pytest.skip(missing[0])
+    need("arm", "qemu")
+    builds, _ = usable([GATE[0], fused])
     console = Console(record=True, width=1000)
     assert not compare(builds, 2000, 1, 0, console)
     assert "tick and output: " in console.export_text()

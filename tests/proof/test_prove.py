@@ -4,12 +4,12 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import shutil
 from pathlib import Path
 
 import pytest
 
+from tests.needs import need
 from tests.proof.frama_c import (
     ROOT,
     Place,
@@ -19,7 +19,6 @@ from tests.proof.frama_c import (
     fingerprint,
     generate,
     judge,
-    missing_tools,
     reached_functions,
     run,
     without_comments,
@@ -83,10 +82,7 @@ MUTANTS = {
 
 @pytest.fixture(scope="module")
 def frama_c() -> None:
-    missing = missing_tools()
-    if missing and os.environ.get("CI") != "true":
-        pytest.skip(f"{', '.join(missing)} not installed")
-    assert not missing
+    need("frama-c")
     generate()
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import subprocess
 from pathlib import Path
@@ -12,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.fuzz import fuzz
+from tests.needs import need
 from tests.soak import soak
 
 BUILD = fuzz.BUILDS["nothing"]
@@ -19,9 +19,7 @@ BUILD = fuzz.BUILDS["nothing"]
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    missing = fuzz.missing_tools()
-    if missing and os.environ.get("CI") != "true":
-        pytest.skip(f"{' and '.join(missing)} missing")
+    need("clang")
     state = tmp_path_factory.mktemp("soak")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(soak, "STATE", state)

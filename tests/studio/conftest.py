@@ -3,21 +3,19 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack
 
 import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from tests.needs import need
 from tests.studio.parts import SAFE, WAIT_MS, WITHOUT_WINDOW, Opener, Program, studio
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Browser]:
-    if WITHOUT_WINDOW is None:
-        assert "CI" not in os.environ, "CI has to have Chromium"
-        pytest.skip("no Chromium here: apt install chromium-headless-shell, or chromium")
+    need("browser")
     with sync_playwright() as playwright:
         found = playwright.chromium.launch(executable_path=WITHOUT_WINDOW, args=SAFE)
         yield found

@@ -11,6 +11,7 @@ from playwright.sync_api import Page
 from tests.arm import need_emulated_firmware
 from tests.host.hex_files import teensy_program, write_hex
 from tests.image import flashed
+from tests.needs import need
 from tests.studio.parts import Opener, studio, until
 
 
@@ -65,7 +66,7 @@ def test_the_emulated_processor_drives(open_page: Opener) -> None:
 @pytest.mark.nightly
 def test_the_flashed_image_drives(open_page: Opener) -> None:
     image = flashed.image_path()
-    flashed.need(flashed.missing_image(image))
+    need("image")
     with studio() as program:
         page = open_page(program.url)
         choose(page, "image")

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import platform
 import re
-import shutil
 import subprocess
 
 import pytest
@@ -20,7 +19,7 @@ x86_64 = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reaso
 
 
 @x86_64
-@pytest.mark.skipif(shutil.which("objdump") is None, reason="needs objdump")
+@pytest.mark.needs("objdump")
 def test_nothing_is_fused() -> None:
     """AVX-512 has fused multiply-add. A compiler that used it would give other bits than the robot's processor."""
     library = generated_dir().parent / "hil_sim" / "libhil_sim.a"
@@ -32,7 +31,7 @@ def test_nothing_is_fused() -> None:
 
 
 @x86_64
-@pytest.mark.skipif(shutil.which("clang++") is None, reason="needs clang++")
+@pytest.mark.needs("clang")
 @pytest.mark.parametrize("level", LEVELS)
 @pytest.mark.parametrize("source", ["core.cpp", "runs.cpp"])
 def test_clang_takes_lanes_too(level: str, source: str) -> None:
