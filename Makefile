@@ -16,7 +16,7 @@ C_FILES = $(shell find shared/core shared/link firmware hil_sim host/native test
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
-.PHONY: help setup demo test test-all lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
+.PHONY: help setup demo test test-all test-changed lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
         mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'Begin here'
@@ -28,6 +28,7 @@ help:
 	@echo 'Change something'
 	@echo '  make test         set up, then run the fast tests (make test ARGS="tests/core -k ekf" WORKERS=2)'
 	@echo '  make test-all     and those with processes, browsers, boards, images, commands, recipes'
+	@echo '  make test-changed only those that your change can break'
 	@echo '  make lint         formatters, linters, types, import directions, prose'
 	@echo '  make lint-page    the linter of the studio'\''s page (part of make lint)'
 	@echo '  make prose        long sentences and inside words of the documentation (part of make lint)'
@@ -124,6 +125,10 @@ test: setup studio-page
 
 test-all: setup studio-page
 	$(PYTEST) --tier all $(ARGS)
+
+# What the difference from the main branch can break (make test-changed ARGS="--list").
+test-changed: setup studio-page
+	$(BIN)/python -m tests.changed $(ARGS)
 
 bench: setup
 	$(BIN)/python -m bench $(ARGS)

@@ -19,8 +19,10 @@ from collections.abc import Iterator
 import pytest
 
 TIERS = ("fast", "all", "nightly")
-FULL_FIXTURES = {"browser", "image", "flashed_image", "sitl"}
+FULL_FIXTURES = {"browser", "simulated", "shared_studio", "image", "flashed_image", "sitl"}
 """A test with one of these starts a browser, an emulated chip or a whole command."""
+FULL_FOLDERS = ("emulated", "faults", "fuzz", "image", "image_build", "recipes", "soak")
+"""Folders of tests that do nothing else."""
 STUCK_S = 30.0
 """After a test's time limit, until the process ends: a test that waits in C code does not see the limit."""
 
@@ -43,7 +45,8 @@ def tier_of(item: pytest.Item) -> str:
     """Return the lowest tier that has a test."""
     if item.get_closest_marker("nightly") is not None:
         return "nightly"
-    if item.get_closest_marker("full") is not None or FULL_FIXTURES.intersection(getattr(item, "fixturenames", ())):
+    fixtures = FULL_FIXTURES.intersection(getattr(item, "fixturenames", ()))
+    if fixtures or item.get_closest_marker("full") is not None or item.path.parent.name in FULL_FOLDERS:
         return "all"
     return "fast"
 

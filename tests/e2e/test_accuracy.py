@@ -22,7 +22,7 @@ def measure(run: Run) -> Rmse:
     return tracking_rmse(run.record)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("scenario", ["demo", "four_wheel"])
 def test_slip_and_noisy_late_fixes_leave_millimetres(scenario: str) -> None:
     results = list(run_seeds(load_scenario(scenario), SEEDS, measure))

@@ -58,7 +58,7 @@ def try_failing_calls(name: str, folder: Path, *most: int) -> None:
     assert told["calls"] >= 3, "a command that writes opens, writes and renames"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", CASES)
 def test_some_call_fails_and_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
     try_failing_calls(name, tmp_path, SAMPLE)

@@ -34,7 +34,7 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     module = metafunc.module.__name__.rpartition(".")[2]
     everywhere = module in ON_ALL_BOARDS
     alone = metafunc.definition.get_closest_marker("pc_only") is not None or "OMNI_SANITIZED" in os.environ
-    marks = [pytest.mark.nightly] if module in NIGHTLY_ELSEWHERE else []
+    marks = [pytest.mark.nightly if module in NIGHTLY_ELSEWHERE else pytest.mark.full]
     others = [pytest.param(name, marks=marks) for name in BOARDS[1:]] if everywhere and not alone else []
     metafunc.parametrize("board", [BOARDS[0], *others], indirect=True, scope="module")
 

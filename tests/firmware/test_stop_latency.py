@@ -11,7 +11,7 @@ EVERY = 9
 """Of the cases in turn; all of them in `make nightly`."""
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_stops_of_every_kind_and_moment_act_within_two_ticks() -> None:
     ticks, late = stop_latency.measure(every=EVERY)
     assert not late, late[:10]

@@ -40,7 +40,7 @@ def program(folder: Path, number: int, failure: Failure, *words: str) -> subproc
     )
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("number", range(1, CALLS))
 def test_a_stop_goes_through_whatever_call_fails(cable: Cable, tmp_path: Path, number: int) -> None:
     need_shim()

@@ -53,7 +53,7 @@ def test_two_seconds_of_the_demo_are_the_pc_firmwares_byte_for_byte(compared: Co
     assert "armed" in run.messages
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_twenty_seconds_of_the_demo_are_the_pc_firmwares_byte_for_byte(compared: Compare) -> None:
     run, comparison = compared("demo", 20.0)
     assert comparison.differences == ()
@@ -61,7 +61,7 @@ def test_twenty_seconds_of_the_demo_are_the_pc_firmwares_byte_for_byte(compared:
     assert "armed" in run.messages
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("fault", ["fault_encoder_stuck", "fault_i2c_nack", "fault_motor_dead"])
 def test_faults_are_told_as_the_pc_firmware_tells_them(compared: Compare, fault: str) -> None:
     _, comparison = compared(fault, 5.0)

@@ -25,7 +25,7 @@ def code(*lines: str) -> list[Instruction]:
     return [Instruction(line) for line in lines]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_images_tick_keeps_the_budget(image: Path) -> None:
     cases = measure_cases(image, only_first=True)
     measured, recorded = counted(cases), read_recorded()

@@ -11,7 +11,7 @@ from omni_reproduce import identification
 from omni_reproduce.experiment import Context
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_table_9_says_what_reproduces_and_what_works(tmp_path: Path) -> None:
     result = identification.run(Context(tmp_path, quick=True, seeds=2))
     rows = {(row.setting, row.quantity): row for row in result.rows}

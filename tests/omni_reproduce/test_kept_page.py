@@ -25,7 +25,7 @@ KEPT = f"`omni reproduce two`\n\n{NOTE}"
 PAGE = f"# A page\n\n## One\n\nFirst.\n\n## {TITLE}\n\n{KEPT}\n\n## Three\n\nLast.\n"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("name", QUICK_IN_FULL)
 def test_the_kept_page_has_the_text_of_today(name: str, tmp_path: Path) -> None:
     """After a change: ``python -m tests.omni_reproduce.kept_page --write``, and look at the difference."""

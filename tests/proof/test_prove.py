@@ -86,7 +86,7 @@ def frama_c() -> None:
     generate()
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize(
     "name",
     [pytest.param(name, marks=() if name == "a stop that passes" else pytest.mark.nightly) for name in MUTANTS],

@@ -122,7 +122,7 @@ def test_the_pages_table_is_of_as_many_parameters_as_there_are() -> None:
     assert labels == ["All parameters", *(label for label, _ in download_page.ROWS)]
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_the_pages_table_has_todays_times() -> None:
     """Times at the fast profile; those at 9600 baud take longer to measure."""
     text = download_page.PAGE.read_text(encoding="utf-8")

@@ -45,7 +45,7 @@ def steps(page: str) -> list[Edit]:
     return [edit for edit in edits if edit.path.startswith("shared/")] if page == "message" else edits
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_each_page_costs_few_files_and_what_they_add_works(tmp_path: Path) -> None:
     copy = Scratch(tmp_path / "copy")
     for page, most in FILES.items():

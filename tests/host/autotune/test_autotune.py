@@ -68,7 +68,7 @@ def wrong_robot(folder: Path, end_s: float = 600.0, fix_sd: float = 5e-3) -> Ite
             yield robot, link
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_robot_file_that_is_wrong_is_mended_and_the_robot_drives_better(tmp_path: Path) -> None:
     told: list[str] = []
     with wrong_robot(tmp_path, fix_sd=3e-4) as (robot, _):

@@ -61,7 +61,7 @@ def behind_a_radio(seed: int = 1) -> Iterator[tuple[Robot, RadioLink]]:
             yield robot, radio
 
 
-@pytest.mark.slow
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2, 5])
 def test_a_step_over_a_bad_radio_shows_the_same_as_over_a_cable(seed: int) -> None:
     """With ten set-points a second the radio was full: of six seeds, four did not get through."""
@@ -73,7 +73,7 @@ def test_a_step_over_a_bad_radio_shows_the_same_as_over_a_cable(seed: int) -> No
     assert outcome["rise_s"].measured == pytest.approx(outcome["rise_s"].model, abs=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_radio_that_dies_leaves_a_robot_at_rest() -> None:
     with behind_a_radio() as (robot, radio):
         plan = WheelPlan(wheel=1, duration_s=8.0, on_stand=True)

@@ -87,7 +87,7 @@ def test_bad_input_is_told_before_anything_moves(tmp_path: Path) -> None:
     assert (tmp_path / "kept.tlog").read_bytes() == b"kept"
 
 
-@pytest.mark.slow
+@pytest.mark.full
 def test_a_live_robot_is_driven_and_identified(sitl: str, tmp_path: Path) -> None:
     """The world of `omni sitl` lets wheels slip by 0..10 %: motors feel a little less mass than the robot weighs."""
     log = tmp_path / "drive.tlog"
