@@ -31,8 +31,9 @@ const { MORE, WHOLE, PART } = await import("/page/socket.js");
 const asked = [];
 const socket = { ask: (action, content) => { asked.push({ action, ...content }); return new Promise(() => {}); } };
 const root = document.body.appendChild(document.createElement("div"));
-const plots = new Plots(root, socket, () => {}, { stored: "test" });
-const signal = (key) => ({ key, group: "g", label: key, unit: "m", doc: key });
+const said = [];
+const plots = new Plots(root, socket, (words) => said.push(words), { stored: "test" });
+const signal = (key, absent = false) => ({ key, group: "g", label: key, unit: "m", doc: key, absent });
 plots.tables([signal("a"), signal("b")], { plots: [{ keys: ["a"], xy: false }], span_s: 10 });
 const number = () => asked.filter(({ action }) => action === "show").at(-1).number;
 const trace = (place, first, count) => ({ place, time: Float64Array.from({ length: count }, (_, n) => first + n),
@@ -97,6 +98,52 @@ def test_a_link_that_comes_back_leaves_the_plots_another_robot_does_not(
         plots.tables([signal("a"), signal("b")], null, AGAIN);
         return [plots.paused, count("a"), plots.newest];"""
     assert run(page, script.replace("AGAIN", str(again).lower())) == found
+
+
+@pytest.mark.parametrize("xy", [False, True])
+def test_a_plot_keeps_a_signal_that_the_robot_does_not_have_yet(page: Page, xy: bool) -> None:
+    """A sensor that is switched on later, or whose robot comes later."""
+    script = """
+        const view = { plots: [{ keys: ["b", "a"], xy: XY }], span_s: 10 };
+        plots.tables([signal("a"), signal("b", true)], view);
+        const first = [...plots.keys];
+        plots.tables([signal("a"), signal("b")], null, true);
+        return [first, [...plots.keys], plots.view.plots, JSON.parse(localStorage.getItem("test")), said];"""
+    first, then, plots, stored, said = run(page, script.replace("XY", str(xy).lower()))
+    assert first == ([] if xy else ["a"])
+    assert then == ["b", "a"]
+    assert plots == [{"keys": ["b", "a"], "xy": xy}]
+    assert stored == [{"xy": ["b", "a"]} if xy else ["b", "a"]]
+    assert said == []
+
+
+def test_a_signal_that_is_not_there_is_not_offered_and_stays_chosen(page: Page) -> None:
+    chosen = run(
+        page,
+        """
+        const view = { plots: [{ keys: ["b"], xy: false }], span_s: 10 };
+        plots.tables([signal("a"), signal("b", true), signal("c", true)], view);
+        [...root.querySelectorAll("button")].find((one) => one.textContent.startsWith("Signals")).click();
+        const offered = [...document.querySelectorAll("#signal-list input")].map((one) => one.value);
+        document.getElementById("close-signals").click();
+        await new Promise((done) => setTimeout(done, 100));
+        return [offered, plots.view.plots];""",
+    )
+    assert chosen == [["a", "b"], [{"keys": ["b"], "xy": False}]]
+
+
+def test_a_key_that_no_signal_has_is_said_and_removed(page: Page) -> None:
+    kept, said = run(
+        page,
+        """
+        const plot = (xy, ...keys) => ({ keys, xy });
+        const view = { plots: [plot(false, "a", "aa"), plot(true, "a", "aa")], span_s: 10 };
+        plots.tables([signal("a"), signal("b")], view);
+        return [plots.view.plots, said];""",
+    )
+    assert kept == [{"keys": ["a"], "xy": False}]
+    assert len(said) == 1
+    assert "aa" in said[0]
 
 
 def test_an_added_plot_does_not_end_a_pause(page: Page) -> None:

@@ -208,7 +208,7 @@ def test_a_runs_folder_that_is_itself_a_link_works(root: Path) -> None:
 def test_a_window_reads_as_the_page_reads_it_and_a_run_that_grew_is_read_again(root: Path) -> None:
     path = reading.run_log(root, "good")
     assert reading.opened(path)["duration_s"] == pytest.approx(2.0)
-    data = reading.window(path, ["no such signal", X], 0.0, 1e9, 1000)
+    data = reading.window(path, ["gyro.rate", X], 0.0, 1e9, 1000)
     assert struct.unpack_from("<IIdII", data) == (SAMPLES_WINDOW, 1, 0.0, 1, 2 * RATE_HZ + 1)
     path.write_bytes(b"".join(frames(3.0)))
     assert reading.opened(path)["duration_s"] == pytest.approx(3.0)

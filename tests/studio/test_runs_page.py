@@ -94,6 +94,16 @@ def test_two_runs_are_laid_over_each_other_with_what_differs(page: Page) -> None
     assert "B: pose x" in legend
 
 
+def test_a_plot_of_what_one_run_does_not_hold_is_there_again_with_the_next(page: Page) -> None:
+    wanted = ["truth.pose.x", "tracking.pose.x"]
+    page.evaluate("(keys) => localStorage.setItem('omniwheel-run-plots', JSON.stringify([keys]))", wanted)
+    page.get_by_label("Open slow").click()
+    until(page, "studio.runs.plots.keys.length === 1")
+    assert page.evaluate("studio.runs.plots.keys") == ["0|tracking.pose.x"]
+    assert page.evaluate("studio.runs.plots.view.plots[0].keys") == wanted
+    assert page.evaluate("JSON.parse(localStorage.getItem('omniwheel-run-plots'))") == [wanted]
+
+
 def test_a_log_from_elsewhere_is_opened_and_a_broken_one_is_said(page: Page, folder: Path) -> None:
     log = (folder / "quick" / "telemetry.tlog").read_bytes()
     page.set_input_files("#run-file", {"name": "mine.tlog", "mimeType": "", "buffer": log})

@@ -15,11 +15,11 @@ from omniwheel.errors import LogError
 from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
 from omniwheel.parameter_file import format_value
 from omniwheel.robots import parameter_table
-from omniwheel.studio.bounds import SIGNAL_LIMITS, limit_of
+from omniwheel.studio.bounds import SIGNAL_LIMITS
 from omniwheel.studio.recorded_log import RecordedLog
 from omniwheel.studio.samples import SAMPLES_WINDOW, packed
-from omniwheel.studio.signals import signals_as_json
-from omniwheel.studio.simulated_log import SimulatedLog
+from omniwheel.studio.signals import require_possible, signals_as_json
+from omniwheel.studio.simulated_log import LOG_SIGNALS, SimulatedLog
 from omniwheel.studio.spectra import spectrum
 
 MOST_LISTED = 500
@@ -77,7 +77,7 @@ def opened(path: Path) -> dict[str, Any]:
     log = _log(path, fresh=True)
     return {
         "duration_s": log.end_s - log.start_s,
-        "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals_as_json(log.signals())],
+        "signals": signals_as_json(LOG_SIGNALS.values(), {signal.key for signal in log.signals()}),
         "limits": {name: value for name, value in log.parameters().items() if name in SIGNAL_LIMITS.values()},
         "marks": log.marks(),
         "path_s": log.path_s(),
@@ -87,13 +87,21 @@ def opened(path: Path) -> dict[str, Any]:
 
 
 def window(path: Path, keys: Sequence[str], begin_s: float, end_s: float, width: int) -> bytes:
-    """Return what plots of these signals show between two times, packed as live samples are. Raises LogError."""
+    """Return what plots of these signals show between two times, packed as live samples are.
+
+    Of a signal that this log does not hold, nothing. Raises LogError, UnknownSignalError.
+    """
+    require_possible(keys, LOG_SIGNALS)
     log = _log(path)
     return packed(SAMPLES_WINDOW, 0.0, log.window(keys, begin_s, end_s, width), keys)
 
 
 def spectra(path: Path, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
-    """Return the spectra of signals between two times. Raises LogError, TooFewSamplesError."""
+    """Return the spectra of signals between two times, of those that this log holds.
+
+    Raises LogError, UnknownSignalError, TooFewSamplesError.
+    """
+    require_possible(keys, LOG_SIGNALS)
     return [spectrum(trace).as_json() for trace in _log(path).samples(keys, begin_s, end_s)]
 
 

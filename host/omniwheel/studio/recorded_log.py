@@ -22,7 +22,7 @@ from omniwheel.robots import parameter_table
 from omniwheel.studio.log_frames import LONGEST_RECORD, Array, Clock, Kind, Piece, read_piece
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import Trace, extremes, thinned
-from omniwheel.studio.signals import KINDS, Signal, all_signals, signals_of
+from omniwheel.studio.signals import MOST_WHEELS, Signal, all_signals, signals_of
 from omniwheel.telemetry import Control, Tracking
 
 PIECE_BYTES = 1 << 20
@@ -31,7 +31,6 @@ MOST_PIECES = 32
 MOST_BINS = 1 << 16
 """Bins of the overview, each of which keeps its least and its largest value."""
 MOST_EVENTS = 500
-_WHEELS = 4
 
 
 class Overview:
@@ -146,7 +145,7 @@ class RecordedLog:
 
     def signals(self) -> list[Signal]:
         """Return the signals of which the log holds samples."""
-        wheels = int(self._known.get("WHEELS", _WHEELS))
+        wheels = int(self._known.get("WHEELS", MOST_WHEELS))
         return [signal for signal in all_signals(wheels) if signal.kind in self._overviews]
 
     def marks(self) -> list[dict[str, Any]]:
@@ -189,7 +188,7 @@ class RecordedLog:
         return dict(self._known)
 
     def _wanted(self, keys: Sequence[str]) -> list[Signal]:
-        known = {signal.key: signal for kind in KINDS for signal in signals_of(kind) if kind in self._overviews}
+        known = {signal.key: signal for signal in self.signals()}
         return [known[key] for key in keys if key in known]
 
     def _pieces(self, begin_s: float, end_s: float) -> list[Piece] | None:

@@ -8,14 +8,17 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import difflib
 import inspect
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
+from omniwheel.errors import OmniError
 from omniwheel.frames import Pose, Twist
+from omniwheel.studio.bounds import limit_of
 from omniwheel.telemetry import (
     Battery,
     Control,
@@ -34,6 +37,12 @@ KINDS: tuple[type[Telemetry], ...] = (Tracking, Wheels, Control, Fix, GyroState,
 _UNIT_ENDINGS = ("_rad_s", "_m_s", "_us_mean", "_us_max", "_us", "_V", "_A", "_s")
 _LEFT_OUT = ("_rad_s", "_m_s", "_rad", "_m", "_V", "_A", "_s")
 _AXES = ("x", "y", "theta")
+MOST_WHEELS = 4
+_LONGEST_QUOTE = 80
+
+
+class UnknownSignalError(OmniError):
+    """A key that no signal can have."""
 
 
 @dataclass(frozen=True)
@@ -98,9 +107,35 @@ def all_signals(wheels: int, without: Collection[type[Telemetry]] = ()) -> list[
     ]
 
 
-def signals_as_json(signals: Iterable[Signal]) -> list[dict[str, str]]:
-    """Return what a page shows of signals."""
-    return [{"key": s.key, "group": s.group, "label": s.label, "unit": s.unit, "doc": s.doc} for s in signals]
+@cache
+def possible_signals() -> Mapping[str, Signal]:
+    """Return every signal that some robot has, by key: with all sensors and the most wheels."""
+    return {signal.key: signal for signal in all_signals(MOST_WHEELS)}
+
+
+def require_possible(keys: Iterable[str], possible: Collection[str]) -> None:
+    """Raise UnknownSignalError for the first key that is not among ``possible``."""
+    for key in keys:
+        if key not in possible:
+            quote = key[:_LONGEST_QUOTE]
+            near = difflib.get_close_matches(quote, possible, 1)
+            raise UnknownSignalError(f"there is no signal {quote!r}", hint=f"did you mean {near[0]}?" if near else "")
+
+
+def signals_as_json(signals: Iterable[Signal], existing: Collection[str]) -> list[dict[str, Any]]:
+    """Return what a page shows of signals. ``absent``: its key is not among ``existing``, so it has no samples."""
+    return [
+        {
+            "key": s.key,
+            "group": s.group,
+            "label": s.label,
+            "unit": s.unit,
+            "doc": s.doc,
+            "limit": limit_of(s.key),
+            "absent": s.key not in existing,
+        }
+        for s in signals
+    ]
 
 
 @cache

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from omniwheel.errors import LogError
 from omniwheel.logs.run_folder import load_run
 from omniwheel.studio.samples import Trace, thinned
-from omniwheel.studio.signals import Signal, all_signals
+from omniwheel.studio.signals import MOST_WHEELS, Signal, possible_signals
 from omniwheel.telemetry import Tracking
 
 _AXES = (("x", "m"), ("y", "m"), ("theta", "rad"))
@@ -36,6 +36,18 @@ _ON_PATH = 2
 _DOC = "What the simulated world knows and no robot does."
 
 
+def _truth(words: str, part: str, unit: str) -> Signal:
+    return Signal(f"truth.{words}.{part}", "truth", f"true {words} {part}", unit, _DOC, Tracking, 0)
+
+
+_TRUE_SIGNALS = [
+    *(_truth("pose", axis, unit) for axis, unit in _AXES),
+    *(_truth(words, str(n), unit) for _, words, unit in _TRUTH for n in range(1, MOST_WHEELS + 1)),
+]
+LOG_SIGNALS: Mapping[str, Signal] = {**possible_signals(), **{signal.key: signal for signal in _TRUE_SIGNALS}}
+"""Every signal that some log holds, by key."""
+
+
 class SimulatedLog:
     """An open record of a simulated run; times are seconds since it began. Raises LogError if there is none."""
 
@@ -49,8 +61,6 @@ class SimulatedLog:
             self._phase = np.asarray(samples["phase"])
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise LogError(f"{path.parent.name} cannot be read: {error}", hint="run it again") from error
-        known = {signal.key: signal for signal in all_signals(wheels)}
-        self._signals = [known.get(key) or _truth(key, unit) for key, (unit, _) in self._columns.items()]
         self.start_s, self.end_s = float(self._time_s[0]), float(self._time_s[-1])
         self.lost_bytes = self.bad_frames = 0
 
@@ -59,7 +69,7 @@ class SimulatedLog:
 
     def signals(self) -> list[Signal]:
         """Return the signals of the record."""
-        return self._signals
+        return [LOG_SIGNALS[key] for key in self._columns]
 
     def marks(self) -> list[dict[str, Any]]:
         """Return the run's events, as a page draws them."""
@@ -89,33 +99,28 @@ class SimulatedLog:
         found = []
         for key in keys:
             if key in self._columns:
-                value = self._columns[key][1]
+                value = self._columns[key]
                 there = inside & np.isfinite(value)
                 found.append(Trace(key, time_s[there], value[there]))
         return found
 
 
-def _columns(samples: NDArray[Any], wheels: int) -> dict[str, tuple[str, NDArray[np.float32]]]:
-    """Return unit and values by the signals' keys."""
-    found: dict[str, tuple[str, NDArray[np.float32]]] = {}
+def _columns(samples: NDArray[Any], wheels: int) -> dict[str, NDArray[np.float32]]:
+    """Return values by the signals' keys."""
+    found: dict[str, NDArray[np.float32]] = {}
 
-    def add(key: str, unit: str, value: NDArray[Any]) -> None:
-        found[key] = unit, np.asarray(value, dtype=np.float32)
+    def add(key: str, value: NDArray[Any]) -> None:
+        found[key] = np.asarray(value, dtype=np.float32)
 
-    for number, (axis, unit) in enumerate(_AXES):
-        add(f"truth.pose.{axis}", unit, samples["truth"][:, number])
+    for number, (axis, _) in enumerate(_AXES):
+        add(f"truth.pose.{axis}", samples["truth"][:, number])
     for field, key in _AS_REPORTED:
         value = samples[field]
         parts = [""] if value.ndim == 1 else [axis for axis, _ in _AXES] if value.shape[1] == len(_AXES) else []
         for number, part in enumerate(parts or [str(wheel + 1) for wheel in range(wheels)]):
-            add(f"{key}.{part}" if part else key, "", value if value.ndim == 1 else value[:, number])
-    for field, words, unit in _TRUTH:
+            add(f"{key}.{part}" if part else key, value if value.ndim == 1 else value[:, number])
+    for field, words, _ in _TRUTH:
         for wheel in range(wheels):
-            add(f"truth.{words}.{wheel + 1}", unit, samples[field][:, wheel])
-    add("battery.voltage", "V", samples["supply_V"])
+            add(f"truth.{words}.{wheel + 1}", samples[field][:, wheel])
+    add("battery.voltage", samples["supply_V"])
     return found
-
-
-def _truth(key: str, unit: str) -> Signal:
-    _, words, part = key.split(".")
-    return Signal(key, "truth", f"true {words} {part}", unit, _DOC, Tracking, 0)

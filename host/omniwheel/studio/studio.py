@@ -7,6 +7,7 @@ import itertools
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,30 @@ from omniwheel.errors import OmniError
 from omniwheel.robot import Robot
 from omniwheel.sensor_quality import SENSORS, Sensor
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
-from omniwheel.studio.bounds import limit_of
 from omniwheel.studio.bringup_walk import BringUp
 from omniwheel.studio.bringup_walk import catalogue as bring_up_catalogue
 from omniwheel.studio.experiments import Experiments, catalogue
 from omniwheel.studio.flasher import Flasher, firmware_of
 from omniwheel.studio.parameter_view import table_as_json, values_as_json
 from omniwheel.studio.recording import Recorder
-from omniwheel.studio.samples import CAPACITY, SAMPLES_PART, SAMPLES_SINCE, SAMPLES_WINDOW, packed, thinned
+from omniwheel.studio.samples import (
+    CAPACITY,
+    SAMPLES_PART,
+    SAMPLES_SINCE,
+    SAMPLES_WINDOW,
+    SampleStore,
+    packed,
+    thinned,
+)
 from omniwheel.studio.session import Session
-from omniwheel.studio.signals import Signal, all_signals, signals_as_json
+from omniwheel.studio.signals import (
+    MOST_WHEELS,
+    Signal,
+    all_signals,
+    possible_signals,
+    require_possible,
+    signals_as_json,
+)
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.studio.spectra import spectrum
 from omniwheel.studio.state import fix_as_json, link_state, robot_state, shape_as_json
@@ -31,7 +46,6 @@ from omniwheel.studio.views import checked_view, read_view, view_file, write_vie
 from omniwheel.studio.worker import Worker
 
 HISTORY_WIDTH = 2000
-MOST_WHEELS = 4
 
 
 class Page:
@@ -40,10 +54,12 @@ class Page:
     def __init__(self, number: int) -> None:
         self.name = f"page {number}"
         self.shown: list[Signal] = []
+        """Those that it wants. One that the robot does not have yet begins when it does."""
         self.shown_number = 0
         """What the page calls this list of signals: it may have asked for another one meanwhile."""
         self.sent: dict[str, int] = {}
-        """Number of the next sample, by signal."""
+        """Number of the next sample in ``sent_of``, by signal."""
+        self.sent_of: SampleStore | None = None
         self.session: Session | None = None
         """Whose tables it has."""
         self.connection = 0
@@ -234,17 +250,22 @@ class Studio:
     # ---- what a page is told
 
     def show(self, page: Page, keys: Sequence[str], span_s: float, number: int = 0) -> bytes:
-        """Note which signals a page shows, as its list ``number``; return what was there in the last ``span_s``."""
-        known = {signal.key: signal for signal in self.signals()}
-        page.shown, page.shown_number = [known[key] for key in keys if key in known], number
+        """Note which signals a page shows, as its list ``number``; return what was there in the last ``span_s``.
+
+        Signals that the robot does not have now begin as soon as it has them. Raises UnknownSignalError.
+        """
+        require_possible(keys, possible_signals())
+        page.shown, page.shown_number = [possible_signals()[key] for key in keys], number
         page.sent = {}
         session = self.session
         if session is None:
             return b""
+        shown = self._existing(page)
         with session.lock:
             begin_s = session.store.now_s - span_s
-            traces = [session.store.window(signal, begin_s, float("inf"), HISTORY_WIDTH) for signal in page.shown]
-            page.sent = {signal.key: session.store.count(signal) for signal in page.shown}
+            traces = [session.store.window(signal, begin_s, float("inf"), HISTORY_WIDTH) for signal in shown]
+            page.sent = {signal.key: session.store.count(signal) for signal in shown}
+            page.sent_of = session.store
             arrived_s = session.store.arrived_s
         return packed(SAMPLES_WINDOW, arrived_s, traces, page.keys, page.shown_number)
 
@@ -253,20 +274,21 @@ class Studio:
         session = self.session
         if session is None:
             return b""
+        shown = self._existing(page)
         with session.lock:
-            traces = [session.store.window(signal, begin_s, end_s, width) for signal in page.shown]
+            traces = [session.store.window(signal, begin_s, end_s, width) for signal in shown]
             arrived_s = session.store.arrived_s
         return packed(SAMPLES_PART, arrived_s, traces, page.keys, page.shown_number)
 
     def spectra(self, keys: Sequence[str], begin_s: float, end_s: float) -> list[dict[str, Any]]:
-        """Return the spectra of signals between two times. Raises TooFewSamplesError."""
-        session = self.session
-        known = {signal.key: signal for signal in self.signals()}
-        if session is None:
-            return []
-        wanted = [known[key] for key in keys if key in known]
+        """Return the spectra of signals between two times.
+
+        Raises UnknownSignalError, BadRequestError without a robot, TooFewSamplesError.
+        """
+        require_possible(keys, possible_signals())
+        session = self.require_session()
         found = []
-        for signal in wanted:
+        for signal in (possible_signals()[key] for key in keys):
             with session.lock:  # the robot's thread waits for it: one signal at a time
                 trace = session.store.window(signal, begin_s, end_s, CAPACITY)
             found.append(spectrum(trace).as_json())
@@ -277,23 +299,26 @@ class Studio:
         session = self.session
         if session is None or not page.shown:
             return b""
+        shown = self._existing(page)
         with session.lock:
-            counts = {signal.key: session.store.count(signal) for signal in page.shown}
-            traces = [
-                session.store.since(signal, page.sent.get(signal.key, counts[signal.key])) for signal in page.shown
-            ]
-            page.sent = counts
+            if page.sent_of is not session.store:
+                page.sent, page.sent_of = {}, session.store
+            traces = [session.store.since(signal, page.sent.get(signal.key, 0)) for signal in shown]
+            page.sent |= {signal.key: session.store.count(signal) for signal in shown}
             arrived_s = session.store.arrived_s
         if not any(len(trace.time_s) for trace in traces):
             return b""
         thin = [thinned(trace, HISTORY_WIDTH) for trace in traces]
         return packed(SAMPLES_SINCE, arrived_s, thin, page.keys, page.shown_number)
 
-    def signals(self) -> list[Signal]:
-        """Return the signals of the connected robot."""
+    def _existing(self, page: Page) -> list[Signal]:
+        """Return those of the signals that a page shows which the connected robot has."""
         session = self.session
-        robot = None if session is None else session.robot
-        return all_signals(MOST_WHEELS) if session is None or robot is None else _signals_of(session, robot)
+        robot = None if session is None else session.robot  # once: its own thread lets go of it
+        if session is None or robot is None:
+            return page.shown
+        existing = _keys_of(session, robot)
+        return [signal for signal in page.shown if signal.key in existing]
 
     def news(self, page: Page) -> dict[str, Any]:
         """Return what a page has not been told yet: state, parameters, texts, marks, tables of a new robot."""
@@ -343,23 +368,24 @@ class Studio:
         return [{"severity": text.severity, "text": text.text} for text in texts]
 
     def save_view(self, page: Page, view: Any) -> None:
-        """Keep what the plots of this robot show. Raises BadRequestError, OutputFileError."""
+        """Keep what the plots of this robot show. Raises BadRequestError, UnknownSignalError, OutputFileError."""
         self.require_command(page)
         path = self._view_file()
         if path is None:
             raise BadRequestError("no robot is connected")
-        write_view(path, checked_view(view))
+        checked = checked_view(view)
+        require_possible((key for plot in checked["plots"] for key in plot["keys"]), possible_signals())
+        write_view(path, checked)
 
     def _view_file(self) -> Path | None:
         history = None if self.session is None else self.session.history
         return None if history is None else view_file(history, "" if self.simulated is None else self.simulated.robot)
 
     def tables(self, robot: Robot) -> dict[str, Any]:
-        """Return what stays the same as long as a robot is connected: its signals and its parameters' table."""
+        """Return what stays the same as long as a robot is connected: all signals and its parameters' table."""
         assert self.session is not None
-        signals = signals_as_json(_signals_of(self.session, robot))
         return {
-            "signals": [{**signal, "limit": limit_of(signal["key"])} for signal in signals],
+            "signals": signals_as_json(possible_signals().values(), _keys_of(self.session, robot)),
             "view": None if (path := self._view_file()) is None else read_view(path),
             "parameters": table_as_json(robot.table),
             "world": None if self.simulated is None else self.simulated.catalogue,
@@ -396,10 +422,15 @@ class Studio:
         return "this page" if self.commanding is page else self.commanding.name
 
 
-def _signals_of(session: Session, robot: Robot) -> list[Signal]:
-    """Return what the connected robot can send: of a sensor that it does not have, nothing."""
-    without = [sensor.kind for sensor in SENSORS if sensor not in session.sensors]
-    return all_signals(int(robot.parameters.known.get("WHEELS", MOST_WHEELS)), without)
+def _keys_of(session: Session, robot: Robot) -> frozenset[str]:
+    """Return the keys of what the connected robot can send: of a sensor that it does not have, nothing."""
+    return _keys(int(robot.parameters.known.get("WHEELS", MOST_WHEELS)), session.sensors)
+
+
+@cache
+def _keys(wheels: int, sensors: tuple[Sensor, ...]) -> frozenset[str]:
+    without = [sensor.kind for sensor in SENSORS if sensor not in sensors]
+    return frozenset(signal.key for signal in all_signals(wheels, without))
 
 
 def _edits(session: Session) -> Any:

@@ -103,7 +103,11 @@ export class Plots {
       panel.plot?.destroy();
       panel.root.remove();
     }
-    this.#panels = plots.map(({ keys, xy }) => this.#panel(keys.filter((key) => this.#signals.has(key)), xy));
+    const unknown = [...new Set(plots.flatMap(({ keys }) => keys).filter((key) => !this.#signals.has(key)))];
+    const known = (keys) => keys.filter((key) => !unknown.includes(key));
+    this.#panels = plots.filter(({ keys, xy }) => !xy || known(keys).length === 2)
+      .map(({ keys, xy }) => this.#panel(known(keys), xy));
+    if (unknown.length) this.say(`There is no signal ${unknown.join(", ")}: removed from the plots.`);
     this.#span = span_s;
     this.#store();
     this.#rebuild();
@@ -172,7 +176,7 @@ export class Plots {
   }
 
   /** Add a plot of the second signal over the first. */
-  addXY() { this.add([...this.#signals.keys()].slice(0, 2), true); }
+  addXY() { this.add(this.#choice([]).slice(0, 2).map(({ key }) => key), true); }
 
   #panel(keys, xy) {
     const panel = { keys: [...keys], xy, root: document.createElement("div"), plot: null };
@@ -202,7 +206,14 @@ export class Plots {
 
   #info(key) { return this.#signals.get(key) ?? this.options.info(key); }
 
-  #series(panel) { return panel.keys.filter((key) => this.#signals.has(key)).flatMap(this.options.series); }
+  /** What a plot can show now. Its other signals wait until they exist. */
+  #series({ keys, xy }) {
+    const there = keys.filter((key) => this.#signals.get(key)?.absent === false);
+    return xy && there.length < 2 ? [] : there.flatMap(this.options.series);
+  }
+
+  /** The signals to choose from: those that exist, and those that were chosen before. */
+  #choice(keys) { return [...this.#signals.values()].filter(({ key, absent }) => !absent || keys.includes(key)); }
 
   #restore() {
     let plots = FIRST_VIEW;
@@ -323,7 +334,10 @@ export class Plots {
     const head = document.createElement("div");
     head.className = "head";
     const title = document.createElement("strong");
-    title.textContent = panel.keys.map((key) => this.#signals.get(key)?.label ?? key).join(", ") || "No signals yet";
+    title.textContent = panel.keys.map((key) => {
+      const { label = key, absent = true } = this.#signals.get(key) ?? {};
+      return absent ? `${label} (no data)` : label;
+    }).join(", ") || "No signals yet";
     const number = this.#panels.indexOf(panel) + 1;
     const button = (words, name, action) => {
       const found = document.createElement("button");
@@ -332,11 +346,11 @@ export class Plots {
       found.addEventListener("click", action);
       return found;
     };
-    const chosen = panel.xy ? axisFields([...this.#signals.values()], panel.keys, number, (keys) => {
+    const chosen = panel.xy ? axisFields(this.#choice(panel.keys), panel.keys, number, (keys) => {
       panel.keys = keys;
       this.#changed();
     }) : [button("Signals …", `Signals of ${this.options.what}`, async () => {
-      panel.keys = await chooseSignals([...this.#signals.values()], panel.keys);
+      panel.keys = await chooseSignals(this.#choice(panel.keys), panel.keys);
       this.#changed();
     })];
     head.append(

@@ -117,7 +117,10 @@ export class Runs {
     if (logs.length === 0) return;
     const letter = (n) => (logs.length > 1 ? `${LETTERS[n]}: ` : "");
     id("run-name").textContent = logs.map(({ title }, n) => letter(n) + title).join(", ");
-    const signals = new Map(logs.flatMap(({ about }) => about.signals).map((signal) => [signal.key, signal]));
+    const signals = new Map();
+    for (const signal of logs.flatMap(({ about }) => about.signals)) { // absent: from every log
+      if (!signal.absent || !signals.has(signal.key)) signals.set(signal.key, signal);
+    }
     this.#infos = signals;
     const known = logs.length > 1 && logs.every(({ about }) => about.path_s !== null);
     id("run-align-label").hidden = !known;
