@@ -7,7 +7,6 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -20,8 +19,7 @@ from omniwheel.errors import FirmwareEndedError, FirmwareNotFoundError, Firmware
 from omniwheel.paths import MissingFileError, emulated_firmware_path
 from omniwheel.telemetry import Heartbeat, Status
 from tests.arm import need_emulated_firmware, run_program
-
-PATIENCE_S = 60.0
+from tests.waiting import wait_until
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -42,10 +40,11 @@ def silence(robot: Robot) -> None:
 
 
 def wait_for_text(robot: Robot, pattern: str) -> None:
-    end = time.monotonic() + PATIENCE_S
-    while not any(re.search(pattern, text.text) for text in robot.texts.all):
-        assert time.monotonic() < end, [text.text for text in robot.texts.all]
-        robot.pump(0.05)
+    wait_until(
+        lambda: any(re.search(pattern, text.text) for text in robot.texts.all),
+        lambda: [text.text for text in robot.texts.all],
+        pause=lambda: robot.pump(0.05),
+    )
 
 
 def test_a_serial_port_serves_one_client_after_the_other(firmware: EmulatedFirmware) -> None:
@@ -113,9 +112,7 @@ def test_a_crash_ends_it_with_the_registers() -> None:
 def lose_it() -> None:
     with EmulatedFirmware(injectable=True) as firmware, connect(firmware.urls[0]) as robot:
         firmware.crash()
-        end = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end:
-            robot.pump(0.1)
+        wait_until(lambda: robot.pump(0.1), "the link is not lost")
 
 
 @pytest.mark.parametrize(
@@ -205,10 +202,7 @@ def test_it_ends_when_its_parent_is_killed(options: str) -> None:
     emulator = int(parent.stdout.readline())
     parent.kill()
     parent.communicate()
-    end = time.monotonic() + PATIENCE_S
-    while _lives(emulator):
-        assert time.monotonic() < end
-        time.sleep(0.05)
+    wait_until(lambda: not _lives(emulator), "the emulator goes on")
 
 
 def _lives(pid: int) -> bool:

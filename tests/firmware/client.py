@@ -13,7 +13,7 @@ import select
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -23,6 +23,7 @@ from typing import Any
 
 from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.paths import dialect_dir, firmware_path
+from tests.waiting import Deadline
 
 WAIT_S = 10.0
 GCS = 255
@@ -168,14 +169,21 @@ class Client:
 
     def wait(self, *types: str, **fields: Any) -> Any:
         """Return the next message of one of the types with these field values; earlier others stay in the inbox."""
+
+        def wanted(message: Any) -> bool:
+            values = message.to_dict()
+            return message.get_type() in types and all(values[k] == v for k, v in fields.items())
+
+        return self.wait_for(wanted, f"no {types} with {fields}")
+
+    def wait_for(self, wanted: Callable[[Any], bool], what: str) -> Any:
+        """Return the next message that is wanted; earlier others stay in the inbox."""
+        deadline = Deadline(lambda: f"{what}; got {[m.get_type() for m in self.inbox]}")
         while True:
             for i, message in enumerate(self.inbox):
-                values = message.to_dict()
-                if message.get_type() in types and all(values[k] == v for k, v in fields.items()):
+                if wanted(message):
                     return self.inbox.pop(i)
-            if not self.pump():
-                seen = [m.get_type() for m in self.inbox]
-                raise AssertionError(f"no {types} with {fields}; got {seen}")
+            self.pump(deadline.left_s())
 
     def command(self, command: int, *parameters: float) -> int:
         """Send COMMAND_LONG and return the result of its acknowledgement."""

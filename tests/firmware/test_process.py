@@ -8,12 +8,14 @@ import select
 import signal
 import socket
 import subprocess
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from omniwheel.paths import firmware_path
 from tests.firmware.client import WAIT_S, connect, firmware, mav
+from tests.waiting import Deadline, wait_until
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -110,17 +112,25 @@ def test_without_a_host_it_ticks_by_the_clock() -> None:
         second = robot.wait("OMNI_STATUS")
         assert second.ticks - first.ticks == second.time_boot_ms - first.time_boot_ms > 0
         assert robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 1) == mav.MAV_RESULT_ACCEPTED
-        while robot.wait("HEARTBEAT").system_status not in (mav.MAV_STATE_ACTIVE, mav.MAV_STATE_CRITICAL):
-            pass
+        robot.wait_for(
+            lambda message: (
+                message.get_type() == "HEARTBEAT"
+                and message.system_status in (mav.MAV_STATE_ACTIVE, mav.MAV_STATE_CRITICAL)
+            ),
+            "it does not drive",
+        )
         robot.socket.close()
 
 
 def test_who_arms_a_robot_without_the_output_enable_pin_is_told_once() -> None:
     with firmware() as running:
         robot = connect(running)
+
+        def accepted(wanted: int) -> bool:
+            return bool(robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, wanted) == mav.MAV_RESULT_ACCEPTED)
+
         for wanted in (1, 0, 1):
-            while robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, wanted) != mav.MAV_RESULT_ACCEPTED:
-                pass
+            wait_until(partial(accepted, wanted), "it refuses")
         assert sum("no output-enable pin" in text for text in robot.texts()) == 1
         robot.socket.close()
 
@@ -132,8 +142,9 @@ def test_a_pseudo_terminal_carries_mavlink(tmp_path: Path) -> None:
         terminal = os.open(path, os.O_RDWR | os.O_NOCTTY)
         parser = mav.MAVLink(None)
         beat = None
+        deadline = Deadline("no heartbeat on the pseudo-terminal")
         while beat is None:
-            assert select.select([terminal], [], [], WAIT_S)[0], "no heartbeat on the pseudo-terminal"
+            select.select([terminal], [], [], deadline.left_s())
             messages = parser.parse_buffer(os.read(terminal, 4096)) or []
             beat = next((m for m in messages if m.get_type() == "HEARTBEAT"), None)
         os.close(terminal)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -16,8 +15,7 @@ import omniwheel
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import Sitl, start_sitl
 from omniwheel.robot import Robot
-
-LONGEST_S = 60.0
+from tests.waiting import LONGEST_S, pass_time, wait_until
 
 
 class Ticking:
@@ -71,10 +69,7 @@ def robot(world: Ticking) -> Iterator[Robot]:
 
 
 def until(robot: Robot, true: Callable[[], bool], what: str) -> None:
-    end_s = time.monotonic() + LONGEST_S
-    while not true():
-        assert time.monotonic() < end_s, what
-        robot.pump(0.02)
+    wait_until(true, what, pause=lambda: robot.pump(0.02))
 
 
 def in_loop(robot: Robot) -> bool:
@@ -108,7 +103,7 @@ def test_a_world_that_is_late_without_a_stop_keeps_its_armed_robot(world: Tickin
     robot.arm()
     until(robot, lambda: armed(robot), "not armed")
     world.hold()
-    time.sleep(1.5)
+    pass_time(1.5)
     world.go_on()
     robot.pump(1.5)
     assert in_loop(robot)
@@ -124,7 +119,7 @@ def test_a_firmware_that_is_late_goes_on_where_it_was(world: Ticking, robot: Rob
     ticks = world.running.link.ticks
     os.kill(process, signal.SIGSTOP)
     try:
-        time.sleep(3.0)
+        pass_time(3.0)
     finally:
         os.kill(process, signal.SIGCONT)
     until(robot, lambda: world.running.link.ticks > ticks + 500, "the world stood still")

@@ -23,6 +23,7 @@ from hil_sim.scenario import load_scenario
 from omniwheel._core import ffi, lib
 from omniwheel.firmware_process import FirmwareProcess
 from tests.hil_sim.echo_robot import Bench, EchoRobot, answer
+from tests.waiting import receive_until
 
 LOOK_US, NEAR_US = lib.OMNI_PATIENCE_LOOK_us, lib.OMNI_PATIENCE_NEAR_us
 
@@ -233,8 +234,7 @@ def busy_share(firmware: FirmwareProcess, dialect: ModuleType, *, host_sleeps: i
             if number == 100:  # the first ones are told before it obeys
                 begin_s, begin_wall_s = used_s(firmware.pid), time.monotonic()
             base.write(frame)
-            while answer_id not in base.read(10.0):
-                pass
+            receive_until(base.read, lambda data: answer_id in data, "no answer")
             ready_s = time.monotonic() + 100e-6
             while time.monotonic() < ready_s:
                 pass

@@ -19,6 +19,7 @@ from typer.testing import CliRunner
 from omniwheel import FirmwareProcess, connect
 from omniwheel.cli import app
 from omniwheel.telemetry import Heartbeat
+from tests.waiting import wait_until
 
 runner = CliRunner()
 COMMANDS = [
@@ -122,8 +123,7 @@ def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason() -> None:
         pilot.arm()
         next(beat for beat in pilot.telemetry(Heartbeat) if beat.armed)
         process = start("params", "set", "WHEELS=4", "--link", both.urls[1])
-        while process.poll() is None:
-            pilot.pump(0.05)
+        wait_until(lambda: process.poll() is not None, "the command goes on", pause=lambda: pilot.pump(0.05))
         output, errors = process.communicate()
     assert process.returncode == 1
     assert output == ""

@@ -21,6 +21,7 @@ from omniwheel.cli import app
 from omniwheel.errors import OutputFileError, OutputPathError
 from omniwheel.growing_file import FLUSH_S, GrowingFile
 from omniwheel.tlog import TlogWriter, whole_records
+from tests.waiting import wait_until
 
 FRAME = b"\xfd\x03\x00\x00\x01\xff\xbe\x00\x00\x00abcXY"
 
@@ -233,8 +234,12 @@ def test_a_recording_that_is_killed_has_lost_a_second_at_most(sitl: str, tmp_pat
     path = tmp_path / "killed.tlog"
     command = [str(Path(sys.executable).with_name("omni")), "record", str(path), "--link", sitl]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
-        while not path.exists() or path.stat().st_size == 0:
+
+        def begun() -> bool:
             assert process.poll() is None
+            return path.exists() and path.stat().st_size > 0
+
+        wait_until(begun, "nothing is recorded")
         process.send_signal(signal.SIGKILL)
         process.wait(60.0)
     data = path.read_bytes()

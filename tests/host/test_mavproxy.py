@@ -8,7 +8,6 @@ import re
 import selectors
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -17,9 +16,9 @@ import pytest
 
 from omniwheel.burst import parse_burst
 from omniwheel.robots import parameter_table
+from tests.waiting import Deadline, wait_until
 
 PROGRAM = Path(sys.executable).parent / "mavproxy.py"
-PATIENCE_S = 60.0
 
 
 class MavProxy:
@@ -29,7 +28,6 @@ class MavProxy:
         self.output = ""
         self.log = folder / "mav.tlog"
         self._seen = 0
-        self._started_s = time.monotonic()
         self._process = subprocess.Popen(
             [sys.executable, "-u", str(PROGRAM), f"--master={url}", "--mav20", f"--state-basedir={folder}",
              f"--logfile={self.log}"],
@@ -46,12 +44,12 @@ class MavProxy:
     def expect(self, pattern: str) -> re.Match[str]:
         """Wait for output after the last match that matches ``pattern``."""
         assert self._process.stdout is not None
-        end = time.monotonic() + PATIENCE_S
+        deadline = Deadline(lambda: f"MAVProxy did not print {pattern!r}; it printed:\n{self.output}")
         with selectors.DefaultSelector() as selector:
             selector.register(self._process.stdout, selectors.EVENT_READ)
             while not (match := re.compile(pattern).search(self.output, self._seen)):
-                if not selector.select(end - time.monotonic()):
-                    pytest.fail(f"MAVProxy did not print {pattern!r}; it printed:\n{self.output}")
+                if not selector.select(deadline.left_s()):
+                    continue
                 piece = os.read(self._process.stdout.fileno(), 65536)
                 if not piece:
                     pytest.fail(f"MAVProxy ended before it printed {pattern!r}:\n{self.output}")
@@ -63,11 +61,6 @@ class MavProxy:
         """Have a parameter read back from the robot; `param set` itself returns before the robot has it."""
         self.enter(f"param fetch {name}")
         return float(self.expect(rf"{name} = ([-+.\d]+)").group(1))
-
-    @property
-    def has_patience(self) -> bool:
-        """Whether there is time left to try again."""
-        return time.monotonic() < self._started_s + PATIENCE_S
 
     def __enter__(self) -> MavProxy:
         return self
@@ -93,8 +86,7 @@ def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy)
     proxy.enter("param show ISMC_LAM_XY")
     proxy.expect(r"ISMC_LAM_XY +12\.0")
     proxy.enter("param set ISMC_LAM_XY 15")
-    while proxy.fetch("ISMC_LAM_XY") != 15.0:
-        assert proxy.has_patience, "the parameter was not set"
+    wait_until(lambda: proxy.fetch("ISMC_LAM_XY") == 15.0, "the parameter was not set")
 
     proxy.enter("arm throttle")
     proxy.expect("COMPONENT_ARM_DISARM: ACCEPTED")
@@ -111,11 +103,12 @@ def test_mavproxy_lists_and_downloads_a_burst(proxy: MavProxy, sitl: str, tmp_pa
     proxy.expect(r"Received \d+ parameters")
     proxy.enter("long 60118 0.2 1 32 0 0 0 0")
     proxy.expect(r"command : 60118, result : 0")
-    while True:
+
+    def listed() -> bool:
         proxy.enter("log list")
-        if proxy.expect(r"No logs|numLogs 1 ").group() != "No logs":
-            break
-        assert proxy.has_patience, "the burst was not finished"
+        return proxy.expect(r"No logs|numLogs 1 ").group() != "No logs"
+
+    wait_until(listed, "the burst was not finished")
     proxy.enter("log download 0 burst.bin")
     proxy.expect("Finished downloading")
     burst = parse_burst((tmp_path / "burst.bin").read_bytes())

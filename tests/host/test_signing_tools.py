@@ -15,6 +15,7 @@ from omniwheel import signing
 from omniwheel.robots import parameter_table
 from tests.firmware.client import Client, Firmware, connect, firmware, mav
 from tests.host.test_mavproxy import MavProxy
+from tests.waiting import wait_until
 
 PASSPHRASE = "three-wheels-are-enough"
 KEY = hashlib.sha256(PASSPHRASE.encode()).digest()
@@ -43,6 +44,7 @@ def give_key(robot: Firmware) -> None:
     client.socket.close()
 
 
+@pytest.mark.timeout(240)  # two MAVProxies, each of which downloads all parameters in real time
 @pytest.mark.mavproxy
 def test_mavproxy_gives_the_robot_a_key_and_commands_it_over_the_radio(robot: Firmware, tmp_path: Path) -> None:
     received = rf"Received {len(parameter_table())} parameters"
@@ -58,8 +60,7 @@ def test_mavproxy_gives_the_robot_a_key_and_commands_it_over_the_radio(robot: Fi
         radio.enter(f"signing key {PASSPHRASE}")
         radio.expect(received)
         radio.enter("param set ISMC_LAM_XY 15")
-        while radio.fetch("ISMC_LAM_XY") != 15.0:
-            assert radio.has_patience, "the parameter was not set"
+        wait_until(lambda: radio.fetch("ISMC_LAM_XY") == 15.0, "the parameter was not set")
 
 
 def pymavlink_on_radio(robot: Firmware) -> mavutil.mavfile:

@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import pytest
@@ -16,6 +15,7 @@ from omniwheel import Robot, connect
 from omniwheel.errors import CommandRefusedError, LinkOpenError
 from tests.host.test_mavproxy import MavProxy
 from tests.hub.parts import PROGRAM, WAIT_S, Cable, omni
+from tests.waiting import wait_until
 
 DRIVE = ("drive", "velocity", "0.05", "0", "0", "--duration", "1000", "--no-log")
 TRAJECTORY = ("drive", "trajectory", "circle", "--laps", "100", "--no-log")
@@ -48,8 +48,7 @@ def test_a_second_command_starts_a_hub_and_the_first_goes_on(cable: Cable) -> No
             stderr=subprocess.PIPE,
             text=True,
         ) as second:
-            while second.poll() is None:
-                first.pump(0.1)
+            wait_until(lambda: second.poll() is not None, "the command goes on", pause=lambda: first.pump(0.1))
             output, notes = second.communicate()
         assert "WS_P = " in output
         assert re.search(r"robot is shared: through the hub at tcp:127\.0\.0\.1:\d+", notes)
@@ -69,20 +68,22 @@ def test_a_hub_that_is_started_takes_the_port_from_a_command_that_runs(cable: Ca
         first.parameters["WS_P"] = 5.0
 
 
+def go_on(robot: Robot) -> None:
+    robot.set_velocity(0.02, 0.0, 0.0)
+    robot.pump(0.05)
+
+
 def test_the_first_goes_on_driving_while_the_hub_takes_the_port(cable: Cable) -> None:
     with connect(str(cable.path)) as first:
         first.parameters.set_many({"SAFE_CMD_TO": 60.0, "SAFE_LINK_TO": 600.0})  # a busy computer shall not matter
         first.arm()
         with subprocess.Popen([PROGRAM, "params", "get", "WS_P", "--link", str(cable.path)]) as second:
-            while second.poll() is None:
-                first.set_velocity(0.02, 0.0, 0.0)
-                first.pump(0.05)
+            wait_until(lambda: second.poll() is not None, "the command goes on", pause=lambda: go_on(first))
         assert "shared" in getattr(first.connection.link, "notice", "")
         words = ("drive", "velocity", "0", "0", "0", "--duration", "0.1", "--no-log", "--link", str(cable.path))
         with subprocess.Popen([PROGRAM, *words], stderr=subprocess.PIPE, text=True) as denied:
-            while denied.poll() is None:  # who is silent for three seconds does not command any more
-                first.set_velocity(0.02, 0.0, 0.0)
-                first.pump(0.05)
+            # A station that is silent for three seconds does not command any more.
+            wait_until(lambda: denied.poll() is not None, "the command goes on", pause=lambda: go_on(first))
             assert denied.stderr is not None
             assert re.search(r"refused, \S+.* commands", denied.stderr.read())
         assert denied.returncode == 1
@@ -116,9 +117,9 @@ def test_mavproxy_and_two_of_our_commands_at_once(cable: Cable, hub_url: str, tm
     ):
         proxy.expect(r"Received \d+ parameters")
         proxy.enter("param set ISMC_LAM_XY 15")
-        while proxy.fetch("ISMC_LAM_XY") != 15.0:
-            looker.pump(0.1)
-            assert proxy.has_patience, "the parameter was not set"
+        wait_until(
+            lambda: proxy.fetch("ISMC_LAM_XY") == 15.0, "the parameter was not set", pause=lambda: looker.pump(0.1)
+        )
         assert looker.parameters.read("ISMC_LAM_XY") == 15.0
         with omni(*DRIVE, "--link", str(cable.path), first_line=False):
             looker.wait_until(lambda status: status.armed, WAIT_S, "armed")
@@ -182,10 +183,15 @@ def test_an_automatic_hub_ends_when_nobody_is_there(cable: Cable, tmp_path: Path
 
     with connect(str(cable.path)) as first:
         with subprocess.Popen([PROGRAM, "params", "get", "WS_P", "--link", str(cable.path)]) as second:
-            while second.poll() is None:
-                first.pump(0.1)
+            wait_until(lambda: second.poll() is not None, "the command goes on", pause=lambda: first.pump(0.1))
         hub = places.find(places.HUB, str(cable.path))
     assert hub is not None
-    while places.find(places.HUB, str(cable.path)) is not None:
-        os.kill(hub["pid"], 0)
-        time.sleep(0.1)
+    pid = int(hub["pid"])
+
+    def is_forgotten() -> bool:
+        if places.find(places.HUB, str(cable.path)) is None:
+            return True
+        os.kill(pid, 0)  # only while it lives, it may be found
+        return False
+
+    wait_until(is_forgotten, "the hub goes on")

@@ -7,7 +7,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -26,6 +25,7 @@ from tests.host.test_mavproxy import (
     MavProxy,
     test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms,  # noqa: F401
 )
+from tests.waiting import wait_until
 
 PATIENCE_S = 60.0
 OMNI = str(Path(sys.executable).with_name("omni"))
@@ -51,13 +51,16 @@ def connect(url: str) -> Robot:
 
 def connect_when_back(url: str) -> Robot:
     """Connect to a board that may be restarting."""
-    end = time.monotonic() + PATIENCE_S
-    while True:
+
+    def attempt() -> Robot | None:
         try:
             return omniwheel.connect(url)
         except LinkError:
-            assert time.monotonic() < end, "the board did not come back"
-            time.sleep(0.1)
+            return None
+
+    found = wait_until(attempt, "the board did not come back")
+    assert found is not None
+    return found
 
 
 def test_pymavlink_talks_to_both_links_at_once(image: Path) -> None:

@@ -5,12 +5,12 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from contextlib import nullcontext
 from pathlib import Path
 
 from hil_sim.processes import worker_pool
 from omni_reproduce.experiment import Context
+from tests.waiting import LONGEST_S, wait_until
 
 
 def square(number: int) -> int:
@@ -51,7 +51,6 @@ def test_ctrl_c_ends_the_workers_without_a_traceback_of_theirs(tmp_path: Path) -
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
-    while process.poll() is None and len(list(tmp_path.iterdir())) < 2:
-        time.sleep(0.05)
+    wait_until(lambda: process.poll() is not None or len(list(tmp_path.iterdir())) >= 2, "no two workers began")
     os.killpg(process.pid, signal.SIGINT)
-    assert process.communicate(timeout=20) == ("end\n", "")
+    assert process.communicate(timeout=LONGEST_S) == ("end\n", "")

@@ -7,7 +7,6 @@ import json
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from hil_sim.studies.pools import LocalPool
 from omniwheel.cli import app
 from omniwheel.presets import read_preset
 from omniwheel.robots import parameter_table
+from tests.waiting import wait_until
 
 INTERRUPTED = 130
 
@@ -169,8 +169,10 @@ def test_an_interrupted_process_loses_no_finished_batch(quick_file: Path, tmp_pa
 
 
 def wait_for_batches(process: subprocess.Popen[str], out: Path) -> None:
-    deadline = time.monotonic() + 120.0
-    while not (out / "batches.bin").exists() or (out / "batches.bin").stat().st_size < 10_000:
+    file = out / "batches.bin"
+
+    def begun() -> bool:
         assert process.poll() is None
-        assert time.monotonic() < deadline
-        time.sleep(0.05)
+        return file.exists() and file.stat().st_size >= 10_000
+
+    wait_until(begun, "no batches")

@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
@@ -19,6 +18,8 @@ from urllib.request import urlopen
 import pytest
 from playwright.sync_api import Page
 
+from tests.waiting import LONGEST_S, wait_until
+
 os.environ.setdefault("OMNI_STATE_DIR", tempfile.mkdtemp(prefix="omni-state-"))  # what a person sees stays alone
 SHELL = shutil.which("chromium-headless-shell")
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome") or SHELL
@@ -27,7 +28,7 @@ WITHOUT_WINDOW = SHELL or CHROMIUM
 """For tests: the same engine without all that is around a page, if it is installed; it takes two thirds of the time."""
 NIGHTLY = pytest.mark.nightly
 """A variant of a test whose other variants CI runs."""
-WAIT_MS = 60_000
+WAIT_MS = 1000 * LONGEST_S
 """For what comes in a moment on an idle machine."""
 Opener = Callable[..., Page]
 
@@ -51,10 +52,7 @@ class Program:
 
     def hear_robot(self) -> None:
         """Wait until the robot has been heard: the studio is ready before."""
-        end_s = time.monotonic() + WAIT_MS / 1000
-        while self.state()["robot"] is None:
-            assert time.monotonic() < end_s, "no robot is heard"
-            time.sleep(0.05)
+        wait_until(lambda: self.state()["robot"], "no robot is heard")
 
     def end(self) -> str:
         """End it as Ctrl-C does; return what it said to standard error."""
@@ -88,15 +86,21 @@ def take_over(page: Page) -> None:
     until(page, "state.commands === 'this page'")
 
 
-def until(page: Page, condition: str, wait_s: float = WAIT_MS / 1000) -> None:
+def until(page: Page, condition: str, wait_s: float = LONGEST_S) -> None:
     """Wait until a JavaScript expression is true; it may use ``studio``, ``state`` and ``robot``.
 
     Playwright's own waiting evaluates text inside the page, which the page's security policy forbids.
     """
     look = f"() => {{ const state = window.studio?.state, robot = state?.robot; return Boolean({condition}); }}"
-    end_s = time.monotonic() + wait_s
-    while not page.evaluate(look):
-        if time.monotonic() > end_s:
-            seen = page.evaluate("() => [document.getElementById('notice')?.textContent, window.studio?.state]")
-            raise AssertionError(f"this never came true: {condition}; the page shows {seen}")
-        page.wait_for_timeout(20)
+    seen = "() => [document.getElementById('notice')?.textContent, window.studio?.state]"
+    wait_until(
+        lambda: page.evaluate(look),
+        lambda: f"this never came true: {condition}; the page shows {page.evaluate(seen)}",
+        pause=lambda: let_live(page, 20),
+        seconds=wait_s,
+    )
+
+
+def let_live(page: Page, milliseconds: int) -> None:
+    """Let time pass for a page: between two looks at it, or because its own timers are the subject."""
+    page.wait_for_timeout(milliseconds)

@@ -4,8 +4,6 @@
 from __future__ import annotations
 
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +12,8 @@ import pytest
 from omniwheel.studio.actions import BadRequestError
 from omniwheel.studio.flasher import Firmware, Flasher, firmware_of
 from tests.host.hex_files import teensy_program, write_hex
+from tests.waiting import wait_until
 
-WAIT_S = 60.0
 STAND_IN = """
 import hashlib, json, pathlib, sys, time
 words = sys.argv[1:]
@@ -33,13 +31,6 @@ else:
 """
 
 
-def wait(done: Callable[[], bool]) -> None:
-    end_s = time.monotonic() + WAIT_S
-    while not done():
-        assert time.monotonic() < end_s
-        time.sleep(0.02)
-
-
 def stand_in(folder: Path, *, built: str = "aa", runs: str = "aa", slow: bool = False) -> tuple[Flasher, Path]:
     file = folder / "firmware.hex"
     file.write_bytes(b"an image")
@@ -49,7 +40,7 @@ def stand_in(folder: Path, *, built: str = "aa", runs: str = "aa", slow: bool = 
 
 
 def finished(flasher: Flasher) -> dict[str, Any]:
-    wait(lambda: not flasher.running)
+    wait_until(lambda: not flasher.running, "it goes on")
     return flasher.state()
 
 
@@ -109,7 +100,7 @@ def test_a_board_that_still_runs_other_firmware_is_said(tmp_path: Path) -> None:
 def test_one_at_a_time_and_it_can_be_ended(tmp_path: Path) -> None:
     flasher, _ = stand_in(tmp_path, slow=True)
     flasher.check(BUILT)
-    wait(lambda: flasher.state()["lines"] == ["first words"])
+    wait_until(lambda: flasher.state()["lines"] == ["first words"], "it says nothing")
     with pytest.raises(BadRequestError, match="another firmware"):
         flasher.check(BUILT)
     flasher.end()

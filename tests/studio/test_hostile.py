@@ -10,7 +10,6 @@ import signal
 import socket as py_socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
 from tests.studio.parts import Opener, Program, running, studio, until
+from tests.waiting import pass_time, receive_until, wait_until
 
 
 def socket_url(program: Program, token: str = "") -> str:
@@ -29,20 +29,17 @@ def socket_url(program: Program, token: str = "") -> str:
 def ask(socket: ClientConnection, action: str, **content: Any) -> dict[str, Any]:
     """Send a request and return its answer; what comes in between is left out."""
     socket.send(json.dumps({"do": action, "id": 7, **content}))
-    while True:
-        message = socket.recv(timeout=60)
-        if isinstance(message, str):
-            found = json.loads(message)
-            if found.get("answer") == 7:
-                return dict(found)
+    return said(socket, lambda message: message.get("answer") == 7)
 
 
-def wait(condition: Callable[[], bool], what: str) -> None:
-    for _ in range(600):
-        if condition():
-            return
-        time.sleep(0.1)
-    raise AssertionError(what)
+def said(socket: ClientConnection, wanted: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """Return the next message of the server that is wanted; samples are left out."""
+
+    def receive(timeout_s: float) -> dict[str, Any]:
+        message = socket.recv(timeout=timeout_s)
+        return dict(json.loads(message)) if isinstance(message, str) else {}
+
+    return receive_until(receive, wanted, "the server does not answer")
 
 
 def signal_all(program: Program, number: signal.Signals) -> None:
@@ -102,11 +99,8 @@ def test_what_is_no_request_is_refused_and_nothing_moves(simulated: Program, tex
     with connect(socket_url(simulated)) as socket:
         ask(socket, "take_over")
         socket.send(text)
-        while True:
-            message = socket.recv(timeout=60)
-            if isinstance(message, str) and ("error" in json.loads(message) or "answer" in json.loads(message)):
-                break
-        assert "result" not in json.loads(message) or json.loads(message)["result"] is None
+        message = said(socket, lambda found: "error" in found or "answer" in found)
+        assert message.get("result") is None
         assert ask(socket, "here")["answer"] == 7
     assert not simulated.state()["robot"]["armed"]
 
@@ -133,7 +127,7 @@ def test_a_stop_comes_through_a_flood_of_requests(simulated: Program) -> None:
         for number in range(3000):
             flood.send(json.dumps({"do": "choices", "id": number}))
         socket.send(json.dumps({"do": "stop"}))
-        wait(lambda: simulated.state()["robot"]["state"] == "estop", "the stop did not come through")
+        wait_until(lambda: simulated.state()["robot"]["state"] == "estop", "the stop did not come through")
         ask(socket, "release")
 
 
@@ -192,13 +186,13 @@ def test_a_stop_by_another_program_shows_and_a_lost_robot_comes_back(tmp_path: P
 def test_a_robot_is_not_lost_because_the_computer_stood_still() -> None:
     """As a suspended laptop does: studio and simulated robot stop together for longer than a lost robot is silent."""
     with studio("sitl") as program:
-        wait(lambda: program.state()["link"]["phase"] == "connected", "no robot is heard")
+        wait_until(lambda: program.state()["link"]["phase"] == "connected", "no robot is heard")
         with connect(socket_url(program)) as socket:
             assert "error" not in ask(socket, "set", values={"ISMC_LAM_XY": 15.0}, step=1)
         signal_all(program, signal.SIGSTOP)
-        time.sleep(7.0)
+        pass_time(7.0)
         program.process.send_signal(signal.SIGCONT)
-        time.sleep(0.2)
+        pass_time(0.2)
         signal_all(program, signal.SIGCONT)
         with connect(socket_url(program)) as socket:
             ask(socket, "take_over")
@@ -237,7 +231,7 @@ def test_the_simulated_robot_ends_with_the_studio(kill: bool) -> None:
         with py_socket.socket() as probe:
             return probe.connect_ex(("127.0.0.1", int(link.split(":")[2]))) != 0
 
-    wait(gone, "the simulated robot goes on without the studio")
+    wait_until(gone, "the simulated robot goes on without the studio")
 
 
 def test_a_simulation_that_does_not_start_is_said(simulated: Program) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Callable
 from typing import Literal
 
@@ -13,7 +12,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, Position
 
-from tests.studio.parts import NIGHTLY, Opener, Program, studio, until
+from tests.studio.parts import NIGHTLY, Opener, Program, let_live, studio, until
+from tests.waiting import wait_until
 
 GAIN = "ISMC_LAM_XY"
 
@@ -39,7 +39,7 @@ def arm(page: Page) -> None:
         until(page, "robot.armed || document.getElementById('notice').textContent !== ''")
         if page.evaluate("studio.state.robot.armed"):
             return
-        page.wait_for_timeout(500)
+        let_live(page, 500)
     until(page, "robot.armed")
 
 
@@ -115,7 +115,7 @@ def test_a_dragged_slider_changes_the_robot_and_is_one_step(page: Page) -> None:
     page.mouse.down()
     for part in (0.55, 0.6, 0.65, 0.7):
         page.mouse.move(box["x"] + box["width"] * part, middle)
-        page.wait_for_timeout(100)
+        let_live(page, 100)
     page.mouse.up()
     until(page, f"state.undo === {steps} + 1")
 
@@ -352,7 +352,7 @@ def test_parameters_are_saved_and_loaded(page: Page, simulated: Program) -> None
     page.set_input_files("#load", {"name": "x.toml", "mimeType": "text/plain", "buffer": b"[parameters]\nNO = 1\n"})
     until(page, "document.getElementById('notice').textContent.includes('NO')")
     until(page, f"document.getElementById('field-{GAIN}').value !== '33'")
-    page.wait_for_timeout(500)  # the answer to the first, which is no refusal
+    let_live(page, 500)  # the answer to the first, which is no refusal
     until(page, "document.getElementById('notice').textContent.includes('NO')", wait_s=0.0)
 
 
@@ -409,10 +409,5 @@ def test_a_closed_page_is_a_lost_link(page: Page, simulated: Program) -> None:
     page.click("#start-path")
     until(page, "robot.mode === 'trajectory'")
     page.close()
-    for _ in range(600):
-        state = simulated.state()["robot"]
-        if not state["armed"]:
-            break
-        time.sleep(0.1)
-    assert not state["armed"]
-    assert state["state"] in ("failsafe", "disarmed")
+    wait_until(lambda: not simulated.state()["robot"]["armed"], "it stays armed")
+    assert simulated.state()["robot"]["state"] in ("failsafe", "disarmed")

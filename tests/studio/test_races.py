@@ -7,7 +7,6 @@ import asyncio
 import os
 import signal
 import threading
-import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -23,7 +22,8 @@ from omniwheel.studio.session import Session
 from omniwheel.studio.studio import Page as StudioPage
 from omniwheel.studio.studio import Studio
 from omniwheel.telemetry import StatusText
-from tests.studio.parts import Opener, Program, running, studio, until
+from tests.studio.parts import Opener, Program, let_live, running, studio, until
+from tests.waiting import receive_until
 
 PLOTS = """
 const { Plots } = await import("/page/plots.js");
@@ -218,7 +218,7 @@ def test_a_server_that_hangs_is_said_and_comes_back(open_page: Opener) -> None:
 def test_a_page_that_was_busy_for_long_does_not_lose_its_server(page: Page) -> None:
     """What the server said meanwhile waits behind the page's own timers."""
     page.evaluate("() => { window.told = studio.state; const end = Date.now() + 7000; while (Date.now() < end); }")
-    page.wait_for_timeout(1500)
+    let_live(page, 1500)
     assert page.evaluate("studio.state === window.told"), "another state comes with another connection"
     assert page.text_content("#notice") == ""
 
@@ -234,7 +234,7 @@ def test_without_a_server_the_page_says_so_once_and_its_windows_do(open_page: Op
             new MutationObserver(() => { window.said += 1; }).observe(
               document.getElementById("notice"), { childList: true, characterData: true, subtree: true }); }"""
         )
-        page.wait_for_timeout(2000)  # it looks for the server twice a second
+        let_live(page, 2000)  # it looks for the server twice a second
         assert page.evaluate("window.said") == 0
         page.click("#choose")
         until(page, "document.getElementById('connect-trouble').textContent.includes('server is gone')")
@@ -330,12 +330,7 @@ def test_a_signal_too_many_is_refused_in_words(page: Page) -> None:
 
 def told(studio_: Studio, page: StudioPage) -> dict[str, Any]:
     """Return the first news with tables."""
-    for _ in range(600):
-        found = studio_.news(page)
-        if "tables" in found:
-            return found
-        time.sleep(0.1)
-    raise AssertionError("no tables")
+    return receive_until(lambda _: studio_.news(page), lambda found: "tables" in found, "no tables")
 
 
 class Leaving(Session):

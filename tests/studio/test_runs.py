@@ -6,9 +6,9 @@ from __future__ import annotations
 import math
 import os
 import resource
+import signal
 import struct
 import threading
-import time
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -37,6 +37,7 @@ from omniwheel.studio.urgent_link import UrgentLink
 from omniwheel.studio.worker import MOST_WAITING, Worker
 from omniwheel.telemetry import decode
 from tests.studio.recorded import GAIN, RATE_HZ, START_S, frames, write_run
+from tests.waiting import pass_time, wait_until
 
 X = "tracking.pose.x"
 FULL_BYTES = 200_000
@@ -133,7 +134,7 @@ def test_a_damaged_log_is_read_as_far_as_it_can_be_or_refused(tmp_path: Path, da
         log = RecordedLog(path)
     except LogError:
         return
-    for trace in log.window([signal.key for signal in log.signals()], 0.0, math.inf, 100):
+    for trace in log.window([one.key for one in log.signals()], 0.0, math.inf, 100):
         assert np.isfinite(trace.value).all()
         assert (np.diff(trace.time_s) > 0.0).all()
     log.close()
@@ -232,7 +233,7 @@ def test_the_worker_answers_says_errors_and_comes_back_after_its_end() -> None:
 
 def test_a_flood_of_questions_is_refused_and_an_end_waits_for_none_of_them() -> None:
     worker = Worker()
-    first = worker.ask(time.sleep, 1000.0)
+    first = worker.ask(signal.pause)
     for _ in range(MOST_WAITING - 1):
         worker.ask(math.sqrt, 1.0)
     with pytest.raises(LogError, match="too much"):
@@ -255,7 +256,7 @@ class FedLink:
         self.written: list[bytes] = []
 
     def read(self, timeout_s: float) -> bytes:
-        time.sleep(min(timeout_s, 0.001))
+        pass_time(min(timeout_s, 0.001))
         return self._bytes
 
     def write(self, data: bytes) -> None:
@@ -294,23 +295,16 @@ def fed() -> Any:
     found.close()
 
 
-def until(condition: Any, what: str) -> None:
-    end_s = time.monotonic() + 120.0
-    while not condition():
-        assert time.monotonic() < end_s, what
-        time.sleep(0.01)
-
-
 def test_a_recording_becomes_a_run(tmp_path: Path, fed: Fed) -> None:
     worker = Worker()
     recorder = Recorder(tmp_path, worker)
     folder = Path(recorder.start(fed.session))
     assert recorder.start(fed.session) == str(folder)  # it is on already
     assert recorder.state()["on"]
-    until(lambda: (folder / "telemetry.tlog").stat().st_size > 1000, "nothing was written")
+    wait_until(lambda: (folder / "telemetry.tlog").stat().st_size > 1000, "nothing was written")
     assert list_runs(tmp_path)[0].end == NOT_ENDED  # what a kill leaves is listed, too
     recorder.stop()
-    until(lambda: recorder.state()["completed"] == 1, "the figures were not made")
+    wait_until(lambda: recorder.state()["completed"] == 1, "the figures were not made")
     recorder.close()
     worker.close()
     assert not recorder.state()["on"]
@@ -326,7 +320,7 @@ def test_a_lost_link_ends_a_recording_cleanly(tmp_path: Path, fed: Fed) -> None:
     ended: list[str] = []
     recording = Recording(tmp_path, fed.session, lambda _recording, drive: ended.append(drive.end))
     fed.session.robot = None
-    until(lambda: not recording.on, "the recording goes on without a link")
+    wait_until(lambda: not recording.on, "the recording goes on without a link")
     assert ended == ["the link was lost"]
     assert list_runs(tmp_path)[0].end == "the link was lost"
 
@@ -337,7 +331,7 @@ def test_a_full_disk_is_said_and_a_stop_is_sent_all_the_same(tmp_path: Path, fed
     resource.setrlimit(resource.RLIMIT_FSIZE, (FULL_BYTES, before_limit[1]))
     try:
         recording = Recording(tmp_path, fed.session, lambda _recording, _drive: None)
-        until(lambda: not recording.on, "the recording goes on")
+        wait_until(lambda: not recording.on, "the recording goes on")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before_limit)
     assert "ulimit" in recording.trouble
@@ -347,7 +341,7 @@ def test_a_full_disk_is_said_and_a_stop_is_sent_all_the_same(tmp_path: Path, fed
     assert (log.bad_frames, log.lost_bytes) == (0, 0)  # whole records to the end
     before = len(fed.inner.written)
     assert fed.session.stop_now()
-    until(lambda: len(fed.inner.written) > before, "the stop was not sent")
+    wait_until(lambda: len(fed.inner.written) > before, "the stop was not sent")
 
 
 def test_a_disk_that_hangs_keeps_neither_control_nor_a_stop(
@@ -364,7 +358,7 @@ def test_a_disk_that_hangs_keeps_neither_control_nor_a_stop(
     assert hangs.wait(120.0)
     before = len(fed.inner.written)
     assert fed.session.stop_now()
-    until(lambda: len(fed.inner.written) > before, "the stop waits for the disk")
+    wait_until(lambda: len(fed.inner.written) > before, "the stop waits for the disk")
     recording.end()
     goes_on.set()
     recording.wait()
@@ -376,10 +370,10 @@ def test_what_waits_for_a_disk_has_an_end(tmp_path: Path, fed: Fed, monkeypatch:
     goes_on = threading.Event()
     recording = Recording(tmp_path, fed.session, lambda _recording, _drive: None)
     monkeypatch.setattr(recording._writer, "write_records", lambda *_: goes_on.wait(120.0))
-    until(lambda: recording._overflown, "frames pile up without end")
+    wait_until(lambda: recording._overflown, "frames pile up without end")
     assert recording._frames.qsize() <= 101
     goes_on.set()
-    until(lambda: not recording.on, "the recording goes on")
+    wait_until(lambda: not recording.on, "the recording goes on")
     assert "too slow" in recording.trouble
 
 

@@ -16,7 +16,8 @@ from websockets.sync.client import connect
 from omniwheel.studio.runs import LARGEST_UPLOAD
 from tests.studio.parts import Program, studio
 from tests.studio.recorded import frames, write_run
-from tests.studio.test_hostile import ask, socket_url, wait
+from tests.studio.test_hostile import ask, socket_url
+from tests.waiting import wait_until
 
 ROUTES = ("/run-samples", "/run-log")
 
@@ -163,7 +164,7 @@ def test_the_process_that_reads_logs_ends_with_the_studio(root: Path, kill: bool
         assert children
         (program.process.kill if kill else program.process.terminate)()
         program.process.wait(timeout=60)
-    wait(lambda: not any(Path(f"/proc/{child}").exists() for child in children), "a process is left")
+    wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in children), "a process is left")
 
 
 def test_a_stop_comes_through_while_a_long_log_is_read(program: Program, root: Path) -> None:
@@ -180,7 +181,7 @@ def test_a_stop_comes_through_while_a_long_log_is_read(program: Program, root: P
         assert "error" not in ask(socket, "arm")
         reader.send(json.dumps({"do": "open_run", "id": 1, "log": "run:long"}))
         socket.send(json.dumps({"do": "stop"}))
-        wait(lambda: program.state()["robot"]["state"] == "estop", "the stop did not come through")
+        wait_until(lambda: program.state()["robot"]["state"] == "estop", "the stop did not come through")
         ask(socket, "release")
         assert ask(reader, "open_run", log="run:long")["result"]["duration_s"] > 60.0
     os.replace(root / "long", folder / "long")

@@ -40,6 +40,11 @@ def page(program: Program, open_page: Opener) -> Page:
     return found
 
 
+def let_pass(page: Page, seconds: float) -> None:
+    """Wait until the robot's clock has gone on."""
+    until(page, f"studio.plots.newest > {page.evaluate('studio.plots.newest') + seconds}")
+
+
 def names(page: Page) -> list[str]:
     return list(page.locator("#run-list tbody tr td:first-child").all_text_contents())
 
@@ -144,7 +149,7 @@ def test_a_recording_is_started_seen_ended_and_opened(tmp_path: Path, open_page:
         page.click("#record")
         until(page, "state.recording.on")
         assert str(tmp_path / "runs" / "studio") in (page.text_content("#fact-recording") or "")
-        page.wait_for_timeout(1500)
+        let_pass(page, 1.5)
         page.click("#record")
         until(page, "!state.recording.on")
         page.get_by_label("Open studio").click()
@@ -165,7 +170,7 @@ def test_a_lost_robot_ends_the_recording_which_is_kept(tmp_path: Path, open_page
             until(page, "robot?.pose")
             page.click("#record")
             until(page, "state.recording.on")
-            page.wait_for_timeout(1000)
+            let_pass(page, 1.0)
         until(page, "!state.recording.on")
         until(page, "document.querySelector('#run-list tbody')?.textContent.includes('the link was lost')")
         page.get_by_label("Open studio").click()

@@ -17,10 +17,13 @@ from omniwheel.sensor_messages import RADIO_RATE_HZ
 from omniwheel.studio.session import PLOT_RATE_HZ, Session, begin_telemetry, end_telemetry, set_automatic_rate, set_rate
 from tests.studio.parts import WAIT_MS, Opener, Program, studio, take_over, until
 from tests.studio.test_hostile import socket_url
+from tests.waiting import receive_until
 
 USB, RADIO = "tcp:127.0.0.1:5760", "/dev/ttyUSB0,9600"
 HEADER = 16
-"""Bytes of a message of samples, before its first signal's place and number of samples."""
+"""Bytes of a message of samples."""
+BLOCK = struct.Struct("<II")
+"""Behind it: a signal's place and number of samples."""
 GYRO_ONLY = {"GYRO_AXIS": 3.0, "FLOW_MODE": 0.0}
 
 
@@ -78,10 +81,11 @@ def test_its_numbers_come_to_be_plotted(sensing: tuple[Program, str]) -> None:
     key = "gyro.rate" if scenario == "gyro" else "flow.nis"
     with connect(socket_url(program)) as socket:
         socket.send(json.dumps({"do": "show", "signals": [key], "id": 1}))
-        while True:
-            message = socket.recv(timeout=WAIT_MS / 1000)
-            if isinstance(message, bytes) and len(message) > HEADER and struct.unpack_from("<II", message, HEADER)[1]:
-                return
+
+        def holds_samples(message: str | bytes) -> bool:
+            return isinstance(message, bytes) and len(message) > HEADER and BLOCK.unpack_from(message, HEADER)[1] > 0
+
+        receive_until(socket.recv, holds_samples, "no samples")
 
 
 def test_a_robot_without_sensors_shows_none(shared_studio: Program, open_page: Opener) -> None:

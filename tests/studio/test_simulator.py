@@ -7,7 +7,6 @@ import json
 import os
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +17,9 @@ from websockets.sync.client import connect
 from omniwheel.errors import LinkError
 from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from tests.studio.parts import NIGHTLY, Opener, Program, running, studio, take_over, until
-from tests.studio.test_hostile import ask, socket_url, wait
+from tests.studio.test_hostile import ask, socket_url
 from tests.studio.test_page import arm
+from tests.waiting import Stopwatch, wait_until
 
 TEXTS = "[...document.querySelectorAll('#texts li')].map((item) => item.textContent).join('|')"
 
@@ -122,9 +122,9 @@ def test_slow_motion_is_slow_and_loses_nobody(page: Page) -> None:
     page.select_option("#world-speed", "0.25")
     until(page, "state.world.speed === 0.25")
     newest = "studio.plots.newest"
-    begin_s, begin = time.monotonic(), page.evaluate(newest)
+    watch, begin = Stopwatch(), page.evaluate(newest)
     until(page, f"{newest} > {begin} + 2")  # two robot's seconds, with heartbeats 4 s apart
-    assert time.monotonic() - begin_s > 4.0
+    assert watch.passed_s > 4.0
     assert page.evaluate("studio.state.link.phase") == "connected"
     page.select_option("#world-speed", "1")
     until(page, "state.world.speed === 1")
@@ -173,13 +173,13 @@ def test_bad_requests_and_watching_pages_change_nothing(simulated: Program) -> N
     with connect(socket_url(simulated)) as socket, connect(socket_url(simulated)) as other:
         ask(socket, "take_over")
         ask(socket, "world", mend=True)
-        wait(lambda: simulated.state()["world"]["on"] == [], "it was not mended")
+        wait_until(lambda: simulated.state()["world"]["on"] == [], "it was not mended")
         for request in BAD:
             assert ask(socket, "world", **request).get("error"), request
         assert "another page" in ask(other, "world", fault="ice", on=True)["error"]
         # What else is in a request goes nowhere: the world gets the words it knows.
         assert "error" not in ask(socket, "world", fault="ice", on=True, value=-1, more="\n{}\n")
-        wait(lambda: simulated.state()["world"]["on"] == [{"fault": "ice", "wheel": None}], "there is no ice")
+        wait_until(lambda: simulated.state()["world"]["on"] == [{"fault": "ice", "wheel": None}], "there is no ice")
         assert simulated.state()["world"]["refusal"] == ""
         ask(socket, "world", mend=True)
 
@@ -187,14 +187,14 @@ def test_bad_requests_and_watching_pages_change_nothing(simulated: Program) -> N
 def test_a_world_that_hangs_holds_up_no_stop() -> None:
     """Its process is frozen. The firmware runs on: it leaves the loop and stops."""
     with studio("sitl") as program, connect(socket_url(program)) as socket:
-        wait(lambda: bool((program.state()["robot"] or {}).get("pose")), "no robot")
+        wait_until(lambda: bool((program.state()["robot"] or {}).get("pose")), "no robot")
         ask(socket, "take_over")
         child = _child_of(program)
         os.kill(child, signal.SIGSTOP)
         try:
             assert "error" not in ask(socket, "world", fault="ice", on=True)
             socket.send(json.dumps({"do": "stop", "id": 1}))
-            wait(lambda: program.state()["robot"]["state"] == "estop", "the stop was lost")
+            wait_until(lambda: program.state()["robot"]["state"] == "estop", "the stop was lost")
         finally:
             os.kill(child, signal.SIGCONT)
 

@@ -7,6 +7,7 @@ unpacks them by itself.
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
 import threading
@@ -18,6 +19,7 @@ CONNECT, SERVER_INFO, REQUEST_MODELDEF, MODELDEF, FRAME = 0, 1, 4, 5, 7
 GROUP = ("239.255.42.99", 1511)
 TICKS_PER_S = 10_000_000
 LATENCY_S = 0.008
+FRAME_S = 0.005
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ def server_info(version: tuple[int, int]) -> bytes:
 class Server:
     """Sends every 5 ms what ``bodies`` holds, to the client that asked last or to the group. All may change meanwhile.
 
-    A client that says nothing for ``patience_s`` gets no frames any more. With ``moving`` the body 7 has the time of
-    exposure for x [s], modulo 1.
+    A client that says nothing gets ``patience`` more frames. ``delay`` frames are sent before the first answer. With
+    ``moving`` the body 7 has the time of exposure for x [s], modulo 1.
     """
 
     version: tuple[int, int] = (4, 1)
@@ -86,19 +88,19 @@ class Server:
     sends: bool = True
     answers: bool = True
     multicast: bool = False
-    patience_s: float = 1e9
+    patience: float = math.inf
     moving: bool = False
-    delay_s: float = 0.0
+    delay: int = 0
     number: int = 0
 
     def __post_init__(self) -> None:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
-        self._socket.settimeout(0.005)
+        self._socket.settimeout(FRAME_S)
         self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         self.port = int(self._socket.getsockname()[1])
         self._client: Any = None
-        self.heard_s = 0.0
+        self.heard_at = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -115,27 +117,22 @@ class Server:
         while not self._stop.is_set():
             try:
                 data, self._client = self._socket.recvfrom(65536)
-                self.heard_s = time.monotonic()
+                self.heard_at = self.number
                 self._answer(struct.unpack_from("<H", data)[0])
             except (TimeoutError, socket.timeout):  # noqa: UP041  two classes before Python 3.10
                 self._send_frame()
 
     def _answer(self, message: int) -> None:
         if self.answers and message == CONNECT:
-            self._send_while(self.delay_s)
+            for _ in range(self.delay):
+                self._send_frame()
+                time.sleep(FRAME_S)
             self._socket.sendto(server_info(self.version), self._client)
         elif self.answers and message == REQUEST_MODELDEF:
             self._socket.sendto(model(self.version, self.names), self._client)
 
-    def _send_while(self, seconds: float) -> None:
-        """Send frames for so long before the answer."""
-        end_s = time.monotonic() + seconds
-        while time.monotonic() < end_s:
-            self._send_frame()
-            time.sleep(0.005)
-
     def _send_frame(self) -> None:
-        patient = time.monotonic() - self.heard_s < self.patience_s
+        patient = self.number - self.heard_at < self.patience
         if self._client is not None and self.sends and patient:
             self.number += 1
             taken_s = time.monotonic() - LATENCY_S

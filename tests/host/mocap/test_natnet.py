@@ -6,7 +6,6 @@ from __future__ import annotations
 import math
 import struct
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import SimpleNamespace
@@ -25,6 +24,7 @@ from omniwheel.mocap.reader import ProcessSource
 from omniwheel.mocap.source import MocapPose, MocapSource
 from omniwheel.mocap.streams import open_source
 from tests.host.mocap.natnet_server import LATENCY_S, Body, Server, frame, model
+from tests.waiting import Deadline, wait_until
 
 TURNED = Rotation.from_euler("z", 2.0).as_quat()
 
@@ -40,8 +40,9 @@ def opened(server: Server, subject: str = "robot") -> Iterator[MocapSource]:
 
 def take(source: MocapSource, count: int = 1) -> list[MocapPose]:
     found: list[MocapPose] = []
+    deadline = Deadline("too few poses")
     while len(found) < count:
-        measured = source.read(20.0)
+        measured = source.read(deadline.left_s())
         assert measured is not None
         found.append(measured)
     return found
@@ -115,21 +116,19 @@ def test_a_pose_has_place_heading_and_the_time_at_which_it_was_seen(version: tup
 
 def test_frames_for_a_group_are_found() -> None:
     with Server(multicast=True) as server, connected(server) as stream:
-        while stream.read() is None:
-            pass
+        wait_until(stream.read, "no pose")
         assert stream.multicast
 
 
 def test_frames_from_before_the_answer_are_not_taken_for_new() -> None:
-    with Server(multicast=True, moving=True, delay_s=0.5) as server, connected(server) as stream:
+    with Server(multicast=True, moving=True, delay=100) as server, connected(server) as stream:
         late_s = [math.remainder(pose.taken_s - pose.pose.x, 1.0) for pose in read_many(stream, 100)]
     assert abs(late_s[0]) < 0.2
 
 
 def test_a_server_that_sends_to_each_client_gets_the_signs_of_life_it_wants() -> None:
-    with Server(patience_s=1.5) as server, connected(server) as stream:
-        read_many(stream, 500)
-        assert time.monotonic() - server.heard_s < 1.5, "it has been heard for 2.5 s"
+    with Server(patience=300) as server, connected(server) as stream:
+        assert len(read_many(stream, 500)) > 300, "the server goes on for a client that it hears"
         assert stream.connections == 1
 
 

@@ -19,6 +19,7 @@ from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.mocap.quaternion import heading
 from omniwheel.mocap.streams import open_source
 from omniwheel.mocap.vicon import LIBRARY, ViconSource, ViconStream, load_library
+from tests.waiting import Deadline
 
 FAKE = Path(__file__).with_name("fake_vicon")
 
@@ -113,8 +114,9 @@ def test_without_the_library_the_error_says_how_to_get_it(monkeypatch: pytest.Mo
 
 def poses(source: ViconSource, count: int) -> list[int]:
     found: list[int] = []
+    deadline = Deadline("too few poses")
     while len(found) < count:
-        measured = source.read(20.0)
+        measured = source.read(deadline.left_s())
         assert measured is not None
         assert measured.pose.x == pytest.approx(0.01 * measured.frame)
         assert measured.taken_s <= measured.arrived_s <= source.clock()
