@@ -16,7 +16,7 @@ C_FILES = $(shell find shared/core shared/link firmware hil_sim host/native test
 WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
-.PHONY: help setup demo test test-all test-changed lint prose format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
+.PHONY: help setup demo test test-all test-changed lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
         mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
 help:
 	@echo 'Begin here'
@@ -29,9 +29,8 @@ help:
 	@echo '  make test         set up, then run the fast tests (make test ARGS="tests/core -k ekf" WORKERS=2)'
 	@echo '  make test-all     and those with processes, browsers, boards, images, commands, recipes'
 	@echo '  make test-changed only those that your change can break'
-	@echo '  make lint         formatters, linters, types, import directions, prose'
+	@echo '  make lint         formatters, linters, types, import directions'
 	@echo '  make lint-page    the linter of the studio'\''s page (part of make lint)'
-	@echo '  make prose        long sentences and inside words of the documentation (part of make lint)'
 	@echo '  make format       apply the formatters'
 	@echo '  make sanitize     tests under ASan and UBSan'
 	@echo '  make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
@@ -190,9 +189,6 @@ lint: $(VENV)/stamp-lint lint-page
 	$(BIN)/python -m tests.structure.includes
 	$(BIN)/python -m tests.docs.prose
 	.ci/lint-c $(VENV)
-
-prose: $(VENV)/stamp-lint
-	$(BIN)/python -m tests.docs.prose $(ARGS)
 
 $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
 	$(PIP) install --no-build-isolation -e '.[docs]'

@@ -13,7 +13,7 @@ import pytest
 import typer
 
 from omniwheel.cli import app
-from tests.docs.prose_sources import pages
+from tests.docs.prose import pages
 
 ROOT: Any = typer.main.get_command(app)
 SOURCES = Path(__file__).resolve().parents[2]
