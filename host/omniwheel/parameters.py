@@ -30,7 +30,6 @@ TRIES = 10
 SET_TRIES = 3
 SINGLE_TRIES = 2
 """From then on a request is sent twice."""
-DOWNLOAD_TRIES = 6
 QUIET_S = 0.7
 WINDOW = 12
 FEW = 4
@@ -147,7 +146,7 @@ class Parameters(MutableMapping[str, float]):
                 silent = 0
                 continue
             silent += 1
-            if silent >= DOWNLOAD_TRIES:
+            if silent >= TRIES:
                 raise self._download_error()
             self._ask_for_missing(silent)
         return dict(self._by_name)
@@ -164,7 +163,8 @@ class Parameters(MutableMapping[str, float]):
     def _ask_for_missing(self, times: int) -> None:
         """Ask for some of what is missing, each ``times`` over: a last one or two must not fail on a bad link."""
         if not self._count:
-            self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
+            for _ in range(_copies(times)):
+                self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
             return
         missing = [index for index in range(self._count) if index not in self._names]
         if len(missing) <= FEW:
@@ -292,7 +292,7 @@ class Parameters(MutableMapping[str, float]):
 
     def _ask(self, message: Message, name: str) -> None:
         for number in range(TRIES):
-            for _ in range(1 if number < SINGLE_TRIES else 2):
+            for _ in range(_copies(number)):
                 self._connection.send(message)
             answer = self._connection.wait(lambda m: _is_parameter(m) and _name_of(m) == name, REPLY_TIMEOUT_S)
             if answer is not None:
@@ -313,6 +313,10 @@ class Parameters(MutableMapping[str, float]):
     def _require_known(self, name: str) -> None:
         if name not in self.table and name not in self._by_name:
             raise unknown_parameter(name, {**self.table, **self._by_name})
+
+
+def _copies(retries: int) -> int:
+    return 1 if retries < SINGLE_TRIES else 2
 
 
 def _is_parameter(message: Message) -> bool:
