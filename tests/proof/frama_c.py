@@ -13,8 +13,11 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from omni_schema.toml_file import read_toml
+
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(__file__).resolve().parent
+NOT_PROVED = FOLDER / "not_proved.toml"
 OUT = ROOT / "build" / "proof"
 TIMEOUT_S = 3600
 MACHINE = ("-machdep", "gcc_x86_32", "-enums", "gcc-short-enums")
@@ -126,9 +129,10 @@ def fingerprint(proof: Proof, core: Path = ROOT / "shared" / "core", generated: 
     digest = hashlib.sha256(" ".join([*MACHINE, *EVA, *proof.options, proof.name]).encode())
     folders = [core / "src", core / "include", generated / "src", generated / "include"]
     paths = [path for folder in folders for path in sorted(folder.rglob("*.[ch]"))]
-    for path in [*paths, *sorted(FOLDER.glob("*.h")), FOLDER / "ieee.ml", FOLDER / "not_proved.toml", proof.driver]:
+    for path in [*paths, *sorted(FOLDER.glob("*.h")), FOLDER / "ieee.ml", proof.driver]:
         text = path.read_text(encoding="utf-8")
         digest.update(f"\n{path.name}\n{without_comments(text) if path.suffix in ('.c', '.h') else text}".encode())
+    digest.update(repr(read_toml(NOT_PROVED).get("place")).encode())
     return digest.hexdigest()
 
 

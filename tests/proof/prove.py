@@ -16,14 +16,16 @@ import os
 import sys
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
+from omni_schema.toml_file import read_toml
 from tests.parity.budget_page import replace_block
 from tests.proof.frama_c import (
     FOLDER,
+    NOT_PROVED,
     ROOT,
     Place,
     Proof,
@@ -36,19 +38,9 @@ from tests.proof.frama_c import (
     run,
 )
 
-if sys.version_info >= (3, 11):
-    import tomllib
-else:
-    import tomli as tomllib
-
 PAGE = ROOT / "docs" / "checks" / "proof.md"
 KEPT = FOLDER / "kept.json"
 COMMAND = "make prove ARGS=--write"
-
-
-def _toml(name: str) -> dict[str, Any]:
-    with (FOLDER / name).open("rb") as file:
-        return tomllib.load(file)
 
 
 def read_proofs() -> list[Proof]:
@@ -63,16 +55,25 @@ def read_proofs() -> list[Proof]:
             entry.get("long", False),
             entry.get("driver", ""),
         )
-        for name, entry in _toml("proofs.toml").items()
+        for name, entry in read_toml(FOLDER / "proofs.toml").items()
     ]
 
 
-def read_not_proved() -> tuple[dict[Place, str], dict[str, str]]:
-    """Return why each listed place, and each function that no proof reaches, is not proved."""
-    document = _toml("not_proved.toml")
+@dataclass(frozen=True)
+class Unreached:
+    """Functions that no proof may reach: these, and all in these folders of ``shared/core/src``."""
+
+    names: tuple[str, ...]
+    folders: tuple[str, ...]
+    why: str
+
+
+def read_not_proved() -> tuple[dict[Place, str], list[Unreached]]:
+    """Return why each listed place is not proved, and which functions no proof reaches."""
+    document = read_toml(NOT_PROVED)
     places = {Place(row["function"], row["kind"], row["text"]): row["why"] for row in document.get("place", [])}
-    functions = {name: row["why"] for row in document.get("functions", []) for name in row["names"]}
-    return places, functions
+    rows = document.get("functions", [])
+    return places, [Unreached(tuple(row["names"]), tuple(row["folders"]), row["why"]) for row in rows]
 
 
 def differences(results: Sequence[Result], listed: Mapping[Place, str], all_ran: bool) -> list[str]:
@@ -86,12 +87,15 @@ def differences(results: Sequence[Result], listed: Mapping[Place, str], all_ran:
     return sentences
 
 
-def unreached(results: Sequence[Result], listed: Mapping[str, str]) -> list[str]:
+def unreached(results: Sequence[Result], listed: Sequence[Unreached]) -> list[str]:
     """Return a sentence for every function of the core that no proof reaches, or that is listed though one does."""
-    reached = {name for result in results for name in result.reached}
-    missed = _functions() - reached
-    sentences = [f"no proof reaches {name}" for name in sorted(missed - set(listed))]
-    return sentences + [f"not_proved.toml says that no proof reaches {name}" for name in sorted(set(listed) - missed)]
+    missed = _functions() - {name for result in results for name in result.reached}
+    names = {name for row in listed for name in row.names}
+    folders = {folder: _functions(folder) for row in listed for folder in row.folders}
+    sentences = [f"no proof reaches {name}" for name in sorted(missed - names.union(*folders.values()))]
+    sentences += [f"not_proved.toml says that no proof reaches {name}" for name in sorted(names - missed)]
+    in_vain = sorted(folder for folder, functions in folders.items() if not functions & missed)
+    return sentences + [f"not_proved.toml lists {folder}, all of which is proved by now" for folder in in_vain]
 
 
 def read_kept(path: Path = KEPT) -> dict[str, str]:
@@ -111,25 +115,23 @@ def keep(results: Sequence[Result], prints: Mapping[str, str], path: Path = KEPT
     path.write_text(json.dumps(read_kept(path) | made, indent=2, sort_keys=True) + "\n", encoding="utf-8")
 
 
-def _functions() -> set[str]:
-    return core_functions(sorted((ROOT / "shared" / "core" / "src").rglob("*.[ch]")))
+def _functions(folder: str = ".") -> set[str]:
+    return core_functions(sorted((ROOT / "shared" / "core" / "src" / folder).rglob("*.[ch]")))
 
 
 def page_blocks(
-    proofs: Sequence[Proof], places: Mapping[Place, str], functions: Mapping[str, str]
+    proofs: Sequence[Proof], places: Mapping[Place, str], functions: Sequence[Unreached]
 ) -> dict[str, list[str]]:
     """Return the tables of docs/checks/proof.md. They need no run: that they are true is what a run shows."""
     proved = ["| Proof | What holds | Given | When |", "|---|---|---|---|"]
     proved += [f"| `{proof.name}` | {proof.shows} | {proof.given} | {_when(proof)} |" for proof in proofs]
-    proved += ["", f"{len(_functions()) - len(functions)} of the core's {len(_functions())} functions are reached."]
     rest = ["| Function | What | Why not |", "|---|---|---|"]
     rest += [
         f"| `{place.function}` | {place.kind}: `{_cell(place.text)}` | {why} |" for place, why in sorted(places.items())
     ]
-    by_reason: dict[str, list[str]] = {}
-    for name, why in sorted(functions.items()):
-        by_reason.setdefault(why, []).append(f"`{name}`")
-    rest += [f"| {', '.join(names)} | reached by no proof | {why} |" for why, names in by_reason.items()]
+    for row in functions:
+        what = [f"all in `shared/core/src/{folder}`" for folder in row.folders] + [f"`{name}`" for name in row.names]
+        rest.append(f"| {', '.join(what)} | reached by no proof | {row.why} |")
     return {"proofs": proved, "not-proved": rest}
 
 

@@ -25,6 +25,7 @@ from tests.proof.frama_c import (
 )
 from tests.proof.prove import (
     PAGE,
+    Unreached,
     _page,
     differences,
     keep,
@@ -148,9 +149,12 @@ def test_a_function_that_no_proof_reaches_must_be_listed() -> None:
         "get_none",
     } - functions == {"get_none"}
     results = [Result(PROOF, reached=functions - {"seal_actuation"})]
-    assert unreached(results, {}) == ["no proof reaches seal_actuation"]
-    assert unreached(results, {"seal_actuation": "why"}) == []
-    assert len(unreached([Result(PROOF, reached=functions)], {"seal_actuation": "why"})) == 1
+    assert unreached(results, []) == ["no proof reaches seal_actuation"]
+    assert unreached(results, [Unreached(("seal_actuation",), (), "why")]) == []
+    assert unreached(results, [Unreached((), ("robot",), "why")]) == []
+    assert unreached(results, [Unreached((), ("motor",), "why")]) != []
+    proved = [Result(PROOF, reached=functions)]
+    assert len(unreached(proved, [Unreached(("seal_actuation",), ("motor",), "why")])) == 2
 
 
 def test_a_long_proof_is_made_again_if_and_only_if_something_it_depends_on_has_changed(tmp_path: Path) -> None:
