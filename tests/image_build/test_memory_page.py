@@ -31,7 +31,7 @@ def test_the_page_that_was_written_says_what_was_measured() -> None:
 
 
 def test_another_figure_of_the_same_compiler_is_a_difference() -> None:
-    grown = budget.Usage(flash=180 * KB, itcm=148 * KB, dtcm=85 * KB, ram2=12 * KB)
+    grown = budget.Usage(flash=190 * KB, itcm=148 * KB, dtcm=85 * KB, ram2=12 * KB)
     written = page(block(USAGE, "three_wheel", GCC_12))
     assert memory_page.COMMAND in difference(written, block(grown, "three_wheel", GCC_12))
     assert difference(written, block(grown, "three_wheel", GCC_15)) == ""

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -51,6 +52,8 @@ UPDATES = {
     "ALL_LED off": [2],
 }
 """Bytes after the address byte of each transaction of an update of six channels."""
+_NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])")
+"""A figure, and no part of a name or of a version."""
 
 
 def instruction_rows(figures: Mapping[str, int]) -> list[str]:
@@ -88,6 +91,25 @@ def bus_rows() -> list[str]:
         times = " | ".join(f"{bus_us(payloads, clock):.0f}" for clock in I2C_CLOCKS_kHz)
         rows.append(f"| {words} | {times} |")
     return rows
+
+
+NOISE = 0.02
+"""A figure that has moved by less is left as it is written: code moves when other code is added."""
+
+
+def unmoved(written: float, measured: float) -> bool:
+    """Return whether a figure need not be written again."""
+    return abs(measured - written) <= max(NOISE * abs(written), 1.0)
+
+
+def is_current(text: str, name: str, lines: Sequence[str]) -> bool:
+    """Return whether the page has these lines between its markers, with figures that may have moved a little."""
+    written = text.split(f"<!-- {name} -->", 1)[-1].split(f"<!-- /{name} -->", 1)[0].strip("\n")
+    measured = "\n".join(lines)
+    return _NUMBER.sub("0", written) == _NUMBER.sub("0", measured) and all(
+        unmoved(float(before), float(after))
+        for before, after in zip(_NUMBER.findall(written), _NUMBER.findall(measured), strict=True)
+    )
 
 
 def replace_block(text: str, name: str, lines: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ from rich.table import Table
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from tests.parity.budget_figures import Figures, measure
-from tests.parity.budget_page import write_page
+from tests.parity.budget_page import unmoved, write_page
 from tests.parity.builds import CORTEX_M7, GATE, ROOT, BuildError, generate, make, usable
 
 if sys.version_info >= (3, 11):
@@ -56,6 +56,14 @@ def read_recorded() -> dict[str, int]:
     with RECORDED.open("rb") as file:
         sections = tomllib.load(file)
     return {f"{section}.{name}": value for section, entries in sections.items() for name, value in entries.items()}
+
+
+def updated(measured: Mapping[str, int], recorded: Mapping[str, int]) -> Figures:
+    """Return the figures to record: those measured, but the recorded one where it has hardly moved."""
+    return {
+        name: recorded[name] if name in recorded and unmoved(recorded[name], value) else value
+        for name, value in measured.items()
+    }
 
 
 def write_recorded(figures: Mapping[str, int]) -> None:
@@ -103,8 +111,9 @@ def main() -> int:
         console.print(str(error), style="red", markup=False)
         return 1
     if options.write:
-        write_recorded(figures)
-        write_page(PAGE, figures)
+        kept = updated(figures, read_recorded())
+        write_recorded(kept)
+        write_page(PAGE, kept)
     recorded = read_recorded()
     console.print(table(figures, recorded))
     sentences = too_large(figures, recorded)

@@ -11,8 +11,8 @@ from rich.console import Console
 
 from tests.needs import need
 from tests.parity.budget_figures import whole_tick
-from tests.parity.budget_page import UPDATES, bus_us
-from tests.parity.budgets import LIMITS, PAGE, read_recorded, too_large
+from tests.parity.budget_page import UPDATES, bus_us, is_current
+from tests.parity.budgets import LIMITS, PAGE, read_recorded, too_large, updated
 from tests.parity.builds import GATE, Build, BuildError, call, usable
 from tests.parity.compare import compare
 from tests.parity.stack_bound import LIBRARY_BYTES, StackBoundError, read_call_graph
@@ -34,6 +34,21 @@ def test_a_figure_that_grew_is_named() -> None:
     name = next(iter(LIMITS))
     grown = {**recorded, name: LIMITS[name] * 2}
     assert [sentence.split(":")[0] for sentence in too_large(grown, recorded)] == [name, name]
+
+
+def test_what_has_hardly_moved_is_not_recorded_again() -> None:
+    recorded = {"a.core_mean": 5000, "b.core_mean": 5000}
+    measured = {"a.core_mean": 5040, "new.core_mean": 7, "b.core_mean": 5200}
+    assert updated(measured, recorded) == {"a.core_mean": 5000, "new.core_mean": 7, "b.core_mean": 5200}
+    assert list(updated(measured, recorded)) == list(measured)
+
+
+def test_a_page_is_current_until_a_figure_or_a_word_moves() -> None:
+    page = "x\n<!-- t -->\n| `omni_f2` | 1000 | 0.91 % |\n<!-- /t -->\n"
+    assert is_current(page, "t", ["| `omni_f2` | 1015 | 0.92 % |"])
+    assert not is_current(page, "t", ["| `omni_f2` | 1030 | 0.94 % |"])
+    assert not is_current(page, "t", ["| `omni_g2` | 1000 | 0.91 % |"])
+    assert not is_current(page, "t", ["| `omni_f2` | 1000 | 0.91 % |", "| more | 1 | 0 % |"])
 
 
 def test_the_page_shows_what_was_recorded() -> None:

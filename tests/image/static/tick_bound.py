@@ -19,7 +19,7 @@ from tests.image.static.calls import Calls
 from tests.image.static.code import Program
 from tests.image.static.longest import Longest
 from tests.image.static.loop_bounds import LoopBounds
-from tests.parity.budget_page import CASES, CLOCK_MHZ, TICK_US, replace_block
+from tests.parity.budget_page import CASES, CLOCK_MHZ, TICK_US, is_current, replace_block
 from tests.parity.budgets import PAGE, read_recorded
 
 BLOCK = "tick-bound"
@@ -71,7 +71,7 @@ def main() -> int:
         problems.append(f"at an instruction per cycle a tick may not end in its {CYCLES_PER_TICK} cycles")
     if options.write:
         PAGE.write_text(replace_block(PAGE.read_text(), BLOCK, lines))
-    elif "\n".join(lines) not in PAGE.read_text():
+    elif not is_current(PAGE.read_text(), BLOCK, lines):
         problems.append(f"{PAGE.name} does not say this: run this with --write, and look at the difference")
     for problem in problems:
         sys.stderr.write(f"error: {problem}\n")
