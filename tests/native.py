@@ -20,6 +20,7 @@ WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
 _ENVIRONMENT = ("CC", "CXX", "OMNI_SANITIZED")
 _MUTANT = ("OMNI_CHANGED", "OMNI_OPTIONS")
 """What tests/mutation/builds.py sets."""
+_SHARED_FOLDERS = (ROOT / "firmware", ROOT / "shared" / "core")
 _SANITIZERS = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g")
 
 
@@ -68,7 +69,7 @@ def build_library(
     return library
 
 
-def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path], **options: Sequence[Any]) -> Path:
+def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = (), **options: Sequence[Any]) -> Path:
     """Return ``build_library`` of the same arguments, built once for all test processes and kept for the next run.
 
     What it is recognised by: its arguments, compilers and environment, and the content of everything it may include.
@@ -76,8 +77,12 @@ def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path], *
     """
     if any(os.environ.get(key) for key in _MUTANT):
         return build_library(Path(mkdtemp(prefix="omni-library-")), name, sources, includes, **options)
-    folders = [*includes, ROOT / "firmware", ROOT / "shared" / "core", generated_dir()]
-    headers = sorted(path for folder in folders for path in folder.rglob("*.h"))
+    headers = sorted(
+        {
+            *(path for folder in (*includes, *_SHARED_FOLDERS, generated_dir()) for path in folder.rglob("*.h")),
+            *(path for source in sources for path in source.parent.glob("*.h")),
+        }
+    )
     digest = hashlib.sha256(repr((includes, options, *map(os.environ.get, _ENVIRONMENT))).encode())
     for path in (*sources, *headers, *options.get("archives", ())):
         digest.update(f"{path}\0".encode() + path.read_bytes())

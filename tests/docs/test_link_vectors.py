@@ -9,14 +9,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import pytest
 
 from tests.docs.link_vectors import KEY, PAGE, TIME, main, page_with, text, vectors
 from tests.firmware.client import mav
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 MAX_FRAMES, MAX_PAYLOAD, REFUSED = 8, 255, -1
 
@@ -40,8 +39,7 @@ def library() -> ctypes.CDLL:
     app = ROOT / "firmware" / "app"
     sources = [app / "codec.cpp", app / "signing.cpp", app / "record_store.cpp", app / "stops.cpp"]
     sources.append(Path(__file__).with_name("parser_shim.cpp"))
-    folder = Path(mkdtemp(prefix="omni-parser-"))
-    loaded = ctypes.CDLL(str(build_library(folder, "parser", sources, flags=["-Wno-address-of-packed-member"])))
+    loaded = ctypes.CDLL(str(kept_library("parser", sources, flags=["-Wno-address-of-packed-member"])))
     loaded.receiver_new.restype = ctypes.c_void_p
     loaded.receiver_feed.restype = ctypes.c_size_t
     loaded.receiver_encode.restype = ctypes.c_size_t

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 from tests.parameter_sets import NOWHERE, TABLE
 from tests.radio.test_power_cuts import PC, ParameterMemory, library, slot_size
 
@@ -102,9 +102,9 @@ def test_a_record_is_as_the_page_says_for_reader_and_writer(name: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def log() -> Any:
     sources = [ROOT / "firmware/boards/teensy40/flash_log.cpp", Path(__file__).with_name("flash_log_shim.cpp")]
-    return ctypes.CDLL(str(build_library(tmp_path_factory.mktemp("log"), "log", sources)))
+    return ctypes.CDLL(str(kept_library("log", sources)))
 
 
 def read_sector(sector: bytes) -> bytearray:

@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 MODEL = tuple(ROOT / "hil_sim" / "src" / f"{name}.c" for name in ("flow_pins", "otos", "pinpoint"))
 INCLUDES = (ROOT / "hil_sim" / "include", ROOT / "hil_sim" / "src")
@@ -70,7 +69,7 @@ def library() -> Any:
         *MODEL,
         here.with_name("flow_shim.cpp"),
     ]
-    loaded = ctypes.CDLL(str(build_library(Path(mkdtemp(prefix="omni-flow-")), "flow", sources, INCLUDES)))
+    loaded = ctypes.CDLL(str(kept_library("flow", sources, INCLUDES)))
     loaded.flow_new.restype = ctypes.c_void_p
     loaded.flow_faults.restype = ctypes.POINTER(Faults)
     loaded.flow_pose.restype = ctypes.c_double

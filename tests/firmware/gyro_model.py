@@ -9,12 +9,11 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import numpy as np
 
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 MODEL = tuple(
     ROOT / "hil_sim" / "src" / f"{name}.c" for name in ("gyro_pins", "icm42688", "lsm6dso", "bmi270", "random")
@@ -131,7 +130,7 @@ class Faults(ctypes.Structure):
 def library() -> Any:
     """Build driver, model and shim."""
     sources = [ROOT / "firmware" / "app" / "register_gyro.cpp", *MODEL, Path(__file__).with_name("gyro_shim.cpp")]
-    loaded = ctypes.CDLL(str(build_library(Path(mkdtemp(prefix="omni-gyro-")), "gyro", sources, INCLUDES)))
+    loaded = ctypes.CDLL(str(kept_library("gyro", sources, INCLUDES)))
     loaded.gyro_new.restype = ctypes.c_void_p
     loaded.gyro_faults.restype = ctypes.POINTER(Faults)
     return loaded

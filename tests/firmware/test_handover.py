@@ -6,20 +6,18 @@ from __future__ import annotations
 import ctypes
 from functools import cache
 from pathlib import Path
-from tempfile import mkdtemp
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.native import ROOT, build_library
+from tests.native import kept_library
 
 HERE = Path(__file__).parent
 
 
 @cache
 def library() -> ctypes.CDLL:
-    folder = Path(mkdtemp(prefix="omni-handover-"))
-    loaded = ctypes.CDLL(str(build_library(folder, "handover", [HERE / "handover_shim.cpp"], [ROOT / "firmware"])))
+    loaded = ctypes.CDLL(str(kept_library("handover", [HERE / "handover_shim.cpp"])))
     loaded.handover_take.restype = ctypes.c_bool
     return loaded
 

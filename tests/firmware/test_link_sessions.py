@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import ctypes
+import shutil
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.firmware.client import mav
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 ACTIONS = st.lists(st.sampled_from(["beat", "answer"]) | st.integers(0, 60), max_size=60)
 
@@ -20,7 +21,8 @@ ACTIONS = st.lists(st.sampled_from(["beat", "answer"]) | st.integers(0, 60), max
 def link(tmp_path: Path) -> ctypes.CDLL:
     app = [ROOT / "firmware" / "app" / f"{name}.cpp" for name in ("link", "codec", "stops", "signing", "record_store")]
     sources = [*app, Path(__file__).parent / "link_shim.cpp"]
-    return ctypes.CDLL(str(build_library(tmp_path, "link", sources)))
+    # A copy, so that static objects are new in every test.
+    return ctypes.CDLL(shutil.copy(kept_library("link", sources), tmp_path))
 
 
 def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctypes.CDLL) -> None:

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tests.native import build_library
+from tests.native import kept_library
 
 CAPACITY = 50
 WORDS = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=70)
 
 
 @pytest.fixture(scope="module")
-def texts(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def texts() -> ctypes.CDLL:
     shim = Path(__file__).parent / "text_shim.cpp"
-    library = ctypes.CDLL(str(build_library(tmp_path_factory.mktemp("text"), "text", [shim])))
+    library = ctypes.CDLL(str(kept_library("text", [shim])))
     for name in ("number", "address", "float"):
         getattr(library, f"text_of_{name}").restype = ctypes.c_char_p
     library.text_of_float.argtypes = [ctypes.c_float]

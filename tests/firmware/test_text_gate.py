@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tests.native import build_library
+from tests.native import kept_library
 
 BURST, RESERVE = 10, 2
 INTERVAL_US = 1_000_000
@@ -49,9 +49,9 @@ class Gate:
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def library() -> ctypes.CDLL:
     shim = Path(__file__).parent / "text_shim.cpp"
-    built = ctypes.CDLL(str(build_library(tmp_path_factory.mktemp("gate"), "gate", [shim])))
+    built = ctypes.CDLL(str(kept_library("gate", [shim])))
     built.gate_pass.restype = ctypes.c_bool
     return built
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 PERIOD_NS = 1_000_000
 WINDOW = 1000
@@ -20,10 +20,10 @@ SLOTS = 20
 
 
 @pytest.fixture(scope="module")
-def parts(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def parts() -> ctypes.CDLL:
     sources = [ROOT / "firmware/app/tick_jitter.cpp", ROOT / "firmware/app/status_light.cpp"]
     shim = Path(__file__).parent / "tick_parts_shim.cpp"
-    library = ctypes.CDLL(str(build_library(tmp_path_factory.mktemp("parts"), "tick_parts", [*sources, shim])))
+    library = ctypes.CDLL(str(kept_library("tick_parts", [*sources, shim])))
     library.light_pattern.restype = ctypes.c_uint32
     library.light_on.restype = ctypes.c_bool
     library.light_on.argtypes = [ctypes.c_int, ctypes.c_bool, ctypes.c_uint64]

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 Words = npt.NDArray[np.uint32]
 Array = npt.NDArray[np.float64]
@@ -20,10 +20,10 @@ COUNT = 1 << 20
 
 
 @pytest.fixture(scope="module")
-def lib(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def lib() -> ctypes.CDLL:
     source = Path(__file__).with_name("number_functions.c")
     includes = [ROOT / "hil_sim" / "src", ROOT / "hil_sim" / "include"]
-    return ctypes.CDLL(str(build_library(tmp_path_factory.mktemp("numbers"), "number_functions", [source], includes)))
+    return ctypes.CDLL(str(kept_library("number_functions", [source], includes)))
 
 
 def pointer(array: npt.NDArray[np.generic]) -> ctypes.c_void_p:

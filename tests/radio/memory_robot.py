@@ -7,11 +7,10 @@ import ctypes
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 from tests.firmware.gyro_model import INCLUDES, MODEL, Faults
-from tests.native import ROOT, build_library, core_archive
+from tests.native import ROOT, core_archive, kept_library
 
 STORAGE_BYTES = 1080
 ERASED = b"\xff" * STORAGE_BYTES
@@ -23,8 +22,7 @@ TICK_S = 1e-3
 def library() -> Any:
     """Build the firmware's program, the core and the shim into one library."""
     sources = [*sorted((ROOT / "firmware" / "app").glob("*.cpp")), *MODEL, Path(__file__).with_name("app_shim.cpp")]
-    folder = Path(mkdtemp(prefix="omni-radio-"))
-    loaded = ctypes.CDLL(str(build_library(folder, "app", sources, INCLUDES, archives=[core_archive()])))
+    loaded = ctypes.CDLL(str(kept_library("app", sources, INCLUDES, archives=[core_archive()])))
     loaded.robot_new.restype = ctypes.c_void_p
     loaded.robot_gyro_faults.restype = ctypes.POINTER(Faults)
     return loaded

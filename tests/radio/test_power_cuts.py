@@ -10,12 +10,11 @@ import zlib
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from tempfile import mkdtemp
 from typing import Any
 
 import pytest
 
-from tests.native import ROOT, build_library, core_archive
+from tests.native import ROOT, core_archive, kept_library
 from tests.parameter_sets import NOWHERE, TABLE, drawn_values
 
 OK, EMPTY, FOREIGN, FULL = 0, 1, 2, 3
@@ -34,8 +33,7 @@ TIME_AT, TIME_CONTENT = 96, 8
 def library() -> Any:
     app = ROOT / "firmware" / "app"
     sources = [app / "param_store.cpp", app / "record_store.cpp", Path(__file__).with_name("store_shim.cpp")]
-    folder = Path(mkdtemp(prefix="omni-stores-"))
-    loaded: Any = ctypes.CDLL(str(build_library(folder, "stores", sources, archives=[core_archive()])))
+    loaded: Any = ctypes.CDLL(str(kept_library("stores", sources, archives=[core_archive()])))
     return loaded
 
 

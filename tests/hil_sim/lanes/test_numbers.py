@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.native import ROOT, build_library
+from tests.native import ROOT, kept_library
 
 LANES = ROOT / "hil_sim" / "lanes"
 AVX512 = ["-mavx512f", "-mavx512dq", "-mavx512bw", "-mavx512vl"]
@@ -26,7 +26,7 @@ def _runs_here(level: str) -> bool:
 
 
 @pytest.fixture(scope="module", params=LEVELS)
-def lib(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def lib(request: pytest.FixtureRequest) -> ctypes.CDLL:
     level = request.param
     if not _runs_here(level):
         pytest.skip(f"this processor is no {level}")
@@ -35,9 +35,7 @@ def lib(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
     flags += ["-Wno-uninitialized"] if FLAGS[level] == AVX512 else []  # gcc warns of its own header
     flags += ["-DLANES_SIXTEEN"] if level == "avx512" else []
     sources = [Path(__file__).with_name("numbers.cpp"), LANES / "divergence.c"]
-    return ctypes.CDLL(
-        str(build_library(tmp_path_factory.mktemp(level), f"lanes_{level}", sources, includes=[LANES], flags=flags))
-    )
+    return ctypes.CDLL(str(kept_library(f"lanes_{level}", sources, [LANES], flags=flags)))
 
 
 @pytest.mark.parametrize("lib", LEVELS, indirect=True)

@@ -10,7 +10,7 @@ import pytest
 
 from omniwheel._core import lib as core
 from omniwheel.robots import parameter_table
-from tests.native import ROOT, build_library, core_archive, generated_dir
+from tests.native import ROOT, core_archive, generated_dir, kept_library
 
 PROGRAM = ROOT / "tests" / "parity" / "program"
 LANES = ROOT / "hil_sim" / "lanes"
@@ -43,16 +43,15 @@ class Tally(ctypes.Structure):
 
 
 @pytest.fixture(scope="module")
-def lib(tmp_path_factory: pytest.TempPathFactory) -> ctypes.CDLL:
+def lib() -> ctypes.CDLL:
     sources = [Path(__file__).with_name("robots.c")]
     sources += [
         PROGRAM / f"{name}.c" for name in ("scene", "world", "gyro", "flow", "current", "draw", "random", "digest")
     ]
     flags = ["-O2", "-fno-math-errno", "-std=c11", "-Domni_robot_tick=lanes_scene_tick"]
     archives = [generated_dir().parent / "hil_sim" / "libhil_sim.a", core_archive()]
-    built = build_library(
-        tmp_path_factory.mktemp("robots"),
-        "robots",
+    built = kept_library(
+        "lanes_robots",
         sources,
         [LANES, PROGRAM, ROOT / "hil_sim" / "include", ROOT / "shared" / "link" / "include"],
         flags=flags,
