@@ -1,23 +1,31 @@
 # SPDX-License-Identifier: MIT
 """Runs one command of tests/faults/commands.py again and again; each of its calls to the file system fails in turn.
 
-``LD_PRELOAD=failing_calls.so python -m tests.faults.drive CASE FOLDER [MOST]`` prints one line of JSON: how many calls
-there are, how many were tried (at most MOST), and what was wrong. Whatever fails, a command must end with a clear error
-and a code other than 0, leave whole files only, and work the next time.
+``LD_PRELOAD=failing_calls.so python -m tests.faults.drive`` reads lines of JSON, ``[case, folder, most]``, and prints a
+line of JSON for each: how many calls there are, how many were tried (at most ``most``, all without), and what was
+wrong. Whatever fails, a command must end with a clear error and a code other than 0, leave whole files only, and work
+the next time. Each case runs in a forked child, which need not import anything.
 """
 
 from __future__ import annotations
 
 import ctypes
 import json
+import os
 import shutil
+import signal
 import sys
 from contextlib import ExitStack
+from importlib import import_module
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 import tomllib
+from matplotlib.backends.backend_agg import RendererAgg
+from matplotlib.figure import Figure
 from typer.testing import CliRunner, Result
 
 from omniwheel.cli import app
@@ -28,6 +36,9 @@ from tests.faults.shim import FAILURES, FULL, Failure, chosen
 _LIBC = ctypes.CDLL(None)
 _LIBC.fail_last.restype = ctypes.c_char_p
 _TAIL = 300
+LONGEST_S = 1200
+MODULES = ("cv2", "matplotlib.pyplot", "optuna", "scipy.interpolate", "scipy.optimize", "scipy.signal")
+"""What the commands import when they run."""
 
 
 def arm(folder: Path, number: int, failure: Failure) -> None:
@@ -147,26 +158,62 @@ class Drive:
         return [f"call {number}, {failure.name}: {text}" for text in found]
 
 
-def main(name: str, folder: Path, most: int = sys.maxsize) -> None:
-    """Drive one case."""
-    case = CASES[name]
+def prepared(folder: Path) -> Path:
+    """Return a folder with what the commands read: files, two imported logs and a finished run."""
     inputs = folder / "inputs"
     inputs.mkdir(parents=True)
-    INPUTS.append(inputs)
     make_inputs(inputs)
     values = {"inputs": str(inputs)}
-    if any("run" in word for word in case.words if "{inputs}" in word):
-        for run_name in ("run1", "run2"):
-            words = ("logs", "import", f"{{inputs}}/{run_name}.csv", "--mapping", "{inputs}/mapping.toml")
-            truth = ("--truth", f"{{inputs}}/truth_{run_name}.csv", "--out", f"{{inputs}}/{run_name}.npz")
-            run((*words, *truth), values)
-        run(("sim", "{inputs}/quick.toml", "--out", "{inputs}/runs"), values)
-        (inputs / "runs" / "quick-seed1").rename(inputs / "run")
+    for name in ("run1", "run2"):
+        words = ("logs", "import", f"{{inputs}}/{name}.csv", "--mapping", "{inputs}/mapping.toml")
+        run((*words, "--truth", f"{{inputs}}/truth_{name}.csv", "--out", f"{{inputs}}/{name}.npz"), values)
+    run(("sim", "{inputs}/quick.toml", "--out", "{inputs}/runs"), values)
+    (inputs / "runs" / "quick-seed1").rename(inputs / "run")
+    return inputs
+
+
+_DRAW = Figure.draw
+
+
+def draw_no_pixels(figure: Figure, renderer: Any) -> None:
+    """Leave a PNG blank: most of a command's time would go there, and it is written in the same way."""
+    if not isinstance(renderer, RendererAgg):
+        _DRAW(figure, renderer)
+
+
+def result_of(name: str, folder: Path, most: int | None, inputs: Path) -> dict[str, Any]:
+    """Drive one case in ``folder``; with ``most``, PNG files stay blank."""
+    case = CASES[name]
+    INPUTS.append(Path(shutil.copytree(inputs, folder / "inputs")))
+    values = {"inputs": str(INPUTS[0])}
     with ExitStack() as stack:
+        if most:
+            stack.enter_context(patch.object(Figure, "draw", draw_no_pixels))
         if case.links:
             values["link"] = stack.enter_context(firmware()).urls[0]
-        sys.stdout.write(json.dumps(Drive(case, folder.resolve(), values).all(most)) + "\n")
+        return Drive(case, folder.resolve(), values).all(most or sys.maxsize)
+
+
+def serve() -> None:
+    """Answer each line of standard input, a case with its folder and its most, by a child that has all modules."""
+    for module in MODULES:
+        import_module(module)
+    with TemporaryDirectory() as scratch:
+        inputs = prepared(Path(scratch))
+        for line in sys.stdin:
+            name, folder, most = json.loads(line)
+            child = os.fork()
+            if child == 0:
+                signal.alarm(LONGEST_S)
+                result = result_of(name, Path(folder), most, inputs)
+                sys.stdout.write(json.dumps(result) + "\n")
+                sys.stdout.flush()
+                os._exit(0)
+            _, status = os.waitpid(child, 0)
+            if status != 0:
+                sys.stdout.write(json.dumps({"calls": 0, "problems": [f"the child ended with status {status}"]}) + "\n")
+                sys.stdout.flush()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], Path(sys.argv[2]), *map(int, sys.argv[3:]))
+    serve()

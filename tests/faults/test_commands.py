@@ -19,7 +19,6 @@ from tests.faults.commands import CASES, SAME_AS, STORED_BY_FIRMWARE, WRITE_NOTH
 from tests.faults.shim import chosen, library, need_shim
 
 ROOT = Path(__file__).resolve().parents[2]
-TIMEOUT_S = 1200
 SAMPLE = 2
 """So many calls of a command fail in turn; all of them in `make nightly`."""
 
@@ -41,33 +40,43 @@ def test_every_command_of_the_program_is_known_here() -> None:
     assert set(commands(typer.main.get_command(app))) == set(known)
 
 
-def try_failing_calls(name: str, folder: Path, *most: int) -> None:
+@pytest.fixture(scope="module")
+def driver() -> Iterator[subprocess.Popen[str]]:
+    """An interpreter over the failing file system that has imported everything, and forks for each case."""
     need_shim()
-    done = subprocess.run(
-        [sys.executable, "-m", "tests.faults.drive", name, str(folder), *map(str, most)],
-        cwd=ROOT,
-        env={**os.environ, "LD_PRELOAD": str(library()), "COLUMNS": "200"},
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT_S,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    told = json.loads(done.stdout.splitlines()[-1])
+    environment = {**os.environ, "LD_PRELOAD": str(library()), "COLUMNS": "200", "OPENBLAS_NUM_THREADS": "1"}
+    command = [sys.executable, "-m", "tests.faults.drive"]
+    with subprocess.Popen(
+        command, cwd=ROOT, env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        yield process
+        process.kill()
+
+
+def try_failing_calls(driver: subprocess.Popen[str], name: str, folder: Path, most: int | None = None) -> None:
+    assert driver.stdin is not None
+    assert driver.stdout is not None
+    driver.stdin.write(json.dumps([name, str(folder), most]) + "\n")
+    driver.stdin.flush()
+    told = json.loads(driver.stdout.readline())
     assert told["problems"] == []
     assert told["calls"] >= 3, "a command that writes opens, writes and renames"
 
 
 @pytest.mark.full
 @pytest.mark.parametrize("name", CASES)
-def test_some_call_fails_and_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
-    try_failing_calls(name, tmp_path, SAMPLE)
+def test_some_call_fails_and_a_command_says_so_and_leaves_whole_files(
+    driver: subprocess.Popen[str], name: str, tmp_path: Path
+) -> None:
+    try_failing_calls(driver, name, tmp_path, SAMPLE)
 
 
 @pytest.mark.nightly
 @pytest.mark.parametrize("name", CASES)
-def test_whatever_call_fails_a_command_says_so_and_leaves_whole_files(name: str, tmp_path: Path) -> None:
-    try_failing_calls(name, tmp_path)
+def test_whatever_call_fails_a_command_says_so_and_leaves_whole_files(
+    driver: subprocess.Popen[str], name: str, tmp_path: Path
+) -> None:
+    try_failing_calls(driver, name, tmp_path)
 
 
 def test_the_sample_has_the_first_and_the_last_call() -> None:
