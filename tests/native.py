@@ -11,12 +11,14 @@ import subprocess
 import sysconfig
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
+CAST_TRAPS = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error", "-Wno-conversion")
 _ENVIRONMENT = ("CC", "CXX", "OMNI_SANITIZED")
 _MUTANT = ("OMNI_CHANGED", "OMNI_OPTIONS")
 """What tests/mutation/builds.py sets."""
@@ -40,11 +42,13 @@ def build_library(
     system_includes: Sequence[Path] = (),
     flags: Sequence[str] = (),
     archives: Sequence[Path] = (),
+    static: bool = False,
 ) -> Path:
     """Compile ``sources`` (.c as C99, .cpp as C++17), warnings as errors, and return the path of the shared library.
 
     ``includes`` come before the firmware's and the core's own folders, so that a fake header can take the place of a
-    vendor's; ``archives`` are linked behind the sources. Raises AssertionError with the compiler's words.
+    vendor's; ``archives`` are linked behind the sources. With ``static`` it is an archive itself. Raises AssertionError
+    with the compiler's words.
     """
     folders = [*includes, ROOT / "firmware", ROOT / "shared" / "core" / "include", generated_dir() / "include"]
     common = ["-O1", "-fPIC", "-ffp-contract=off", *WARNINGS, *flags]
@@ -63,13 +67,16 @@ def build_library(
 
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         objects = list(pool.map(compiled, range(len(sources)), sources))
+    if static:
+        _run(["ar", "rcsD", str(out_dir / f"{name}.a"), *objects])
+        return out_dir / f"{name}.a"
     library = out_dir / f"{name}{sysconfig.get_config_var('SHLIB_SUFFIX') or '.so'}"
     sanitizers = _SANITIZERS if os.environ.get("OMNI_SANITIZED") else ()
     _run([*_compiler("CXX", "c++"), "-shared", *sanitizers, *objects, *map(str, archives), "-o", str(library)])
     return library
 
 
-def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = (), **options: Sequence[Any]) -> Path:
+def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = (), **options: Any) -> Path:
     """Return ``build_library`` of the same arguments, built once for all test processes and kept for the next run.
 
     What it is recognised by: its arguments, compilers and environment, and the content of everything it may include.
@@ -100,6 +107,17 @@ def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = 
 def core_archive() -> Path:
     """Return the control core as the installed package was built from it, tables included (not sanitized)."""
     return generated_dir().parent / "shared" / "core" / "libomni_core.a"
+
+
+@cache
+def app_archive() -> Path:
+    """Return the firmware's program, without a board, built once for all libraries that have it.
+
+    A conversion of a number that a whole number cannot hold ends the process (``CAST_TRAPS``), but for sanitized tests,
+    where that would hide what the sanitizers say.
+    """
+    sources = sorted((ROOT / "firmware" / "app").glob("*.cpp"))
+    return kept_library("app", sources, flags=() if os.environ.get("OMNI_SANITIZED") else CAST_TRAPS, static=True)
 
 
 def _compiler(variable: str, default: str) -> list[str]:

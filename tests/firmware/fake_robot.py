@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.firmware.client import GCS, mav
-from tests.native import ROOT, core_archive, generated_dir, kept_library
+from tests.native import CAST_TRAPS, ROOT, app_archive, core_archive, generated_dir, kept_library
 
 PORTS = 4
 USB, RADIO = 0, 1
@@ -21,24 +21,19 @@ _OUT = 1 << 14
 _FOREVER = ctypes.c_size_t(-1).value
 
 
-CORE = ROOT / "shared/core/src"
-TRAPS = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error", "-Wno-conversion")
-"""A conversion of a number that the whole number cannot hold ends the process."""
-
-
 @cache
 def library(trapping: bool = False) -> ctypes.CDLL:
-    """Build the firmware with its shim; ``trapping`` with the core's sources too, and TRAPS."""
-    sources = [*sorted((ROOT / "firmware/app").glob("*.cpp")), Path(__file__).parent / "robot_shim.cpp"]
+    """Build the shim over the firmware's program; ``trapping`` with a core that ends as the program does."""
+    sources = [Path(__file__).parent / "robot_shim.cpp"]
     sources += [ROOT / "tests/fuzz" / name for name in ("chip.cpp", "check.cpp", "frames.cpp")]
     if trapping:
-        sources += [*sorted(CORE.rglob("*.c")), *(generated_dir() / "src").glob("*_gen.c")]
+        sources += [*sorted((ROOT / "shared/core/src").rglob("*.c")), *(generated_dir() / "src").glob("*_gen.c")]
     built = kept_library(
         "trapping_robot" if trapping else "robot",
         sources,
         includes=[ROOT / "tests/fuzz"],
-        flags=["-DMAVLINK_USE_MESSAGE_INFO", "-Wno-address-of-packed-member", *(TRAPS if trapping else ())],
-        archives=[] if trapping else [core_archive()],
+        flags=["-DMAVLINK_USE_MESSAGE_INFO", "-Wno-address-of-packed-member", *(CAST_TRAPS if trapping else ())],
+        archives=[app_archive(), *(() if trapping else (core_archive(),))],
     )
     loaded = ctypes.CDLL(str(built))
     loaded.robot_new.restype = ctypes.c_void_p

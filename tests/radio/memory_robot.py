@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.firmware.gyro_model import INCLUDES, MODEL, Faults
-from tests.native import ROOT, core_archive, kept_library
+from tests.native import app_archive, core_archive, kept_library
 
 STORAGE_BYTES = 1080
 ERASED = b"\xff" * STORAGE_BYTES
@@ -20,9 +20,9 @@ TICK_S = 1e-3
 
 @lru_cache
 def library() -> Any:
-    """Build the firmware's program, the core and the shim into one library."""
-    sources = [*sorted((ROOT / "firmware" / "app").glob("*.cpp")), *MODEL, Path(__file__).with_name("app_shim.cpp")]
-    loaded = ctypes.CDLL(str(kept_library("app", sources, INCLUDES, archives=[core_archive()])))
+    """Link the firmware's program, the core and the shim into one library."""
+    sources = [*MODEL, Path(__file__).with_name("app_shim.cpp")]
+    loaded = ctypes.CDLL(str(kept_library("radio", sources, INCLUDES, archives=[app_archive(), core_archive()])))
     loaded.robot_new.restype = ctypes.c_void_p
     loaded.robot_gyro_faults.restype = ctypes.POINTER(Faults)
     return loaded
