@@ -25,12 +25,10 @@ from typer.testing import CliRunner
 
 import omniwheel.robot
 from hil_sim.hil import run_hil
-from hil_sim.lockstep import PATIENCE_S, SteppedLink
 from hil_sim.loop_speed import loops
-from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import Sitl, start_sitl
-from omniwheel import FirmwareProcess, Robot
+from omniwheel import FirmwareProcess
 from omniwheel.bringup import Assumed
 from omniwheel.cli import app
 from omniwheel.cli.common import keep_history
@@ -42,45 +40,11 @@ from tests.host.logs import synthetic
 from tests.host.mocap.rendered.lab import SMALL, scene, write_files
 from tests.host.mocap.rendered.scene import View
 from tests.host.mocap.test_latency import headings
+from tests.host.stepped import patched, robot
 from tests.quick_scenario import QUICK
 
 SIMULATOR = "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass MyWorld(TinyWorld):\n    fixes = False\n"
 LINK = ("--link", "-l")
-
-
-@contextmanager
-def patched(replacements: dict[str, Any]) -> Iterator[None]:
-    """Replace these names during the block."""
-    with ExitStack() as stack:
-        for name, value in replacements.items():
-            stack.enter_context(patch(name, value))
-        yield
-
-
-@contextmanager
-def robot(scenario: str = "sitl", end_s: float = PATIENCE_S) -> Iterator[None]:
-    """Whoever connects, to whatever link, finds this robot. After ``end_s`` of simulated time comes a Ctrl-C."""
-    real = omniwheel.robot.connect
-    world = load_scenario(scenario)
-    with FirmwareProcess(parameters=world.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
-
-        def connect(_url: object, *, clock: object = None, **options: Any) -> Robot:
-            link = SteppedLink(firmware.open_link(), new_world(world))
-            link.end_s = end_s
-            return real(link, clock=link.clock_s, **options)
-
-        urls = ("omniwheel.cli.common.link_url", "omniwheel.cli.stop.link_url", "omniwheel.cli.bringup.link_url")
-        everywhere: dict[str, Any] = {"omniwheel.robot.connect": connect} | {
-            name: lambda link: link or "simulated" for name in urls
-        }
-        with patched({name: value for name, value in everywhere.items() if there(name)}):
-            yield
-
-
-def there(name: str) -> bool:
-    """Return whether a module has this name."""
-    module, _, attribute = name.rpartition(".")
-    return hasattr(__import__(module, fromlist=[attribute]), attribute)
 
 
 @contextmanager

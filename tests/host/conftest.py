@@ -3,10 +3,7 @@
 
 from __future__ import annotations
 
-import json
 import random
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -16,6 +13,7 @@ import pytest
 from omniwheel import FirmwareProcess, Robot, connect
 from omniwheel.dialect import mavlink
 from omniwheel.robots import parameter_table
+from tests.host import stepped
 
 TICK_S = 0.01
 
@@ -160,13 +158,7 @@ def robot_file(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def sitl(tmp_path: Path) -> Iterator[str]:
-    """Run `omni sitl` as a user does and give its URL."""
-    command = [str(Path(sys.executable).with_name("omni")), "sitl", "--port", "0", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["links"][0]
-        finally:
-            process.terminate()
-            process.wait(60.0)
+def sitl() -> Iterator[str]:
+    """The robot of `omni sitl` in simulated time, for commands in this process: its URL."""
+    with stepped.robot(end_s=600.0) as url:
+        yield url

@@ -5,13 +5,11 @@ from __future__ import annotations
 
 import json
 import math
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from omniwheel import FirmwareProcess
 from omniwheel.cli import app
@@ -19,25 +17,24 @@ from omniwheel.dialect import mavlink
 from omniwheel.drive_log.listing import list_runs
 from omniwheel.drive_log.record import record_of
 
-OMNI = str(Path(sys.executable).with_name("omni"))
 runner = CliRunner()
 
 
-def omni(*words: object) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([OMNI, *map(str, words)], capture_output=True, text=True, timeout=120, check=False)
+def omni(*words: object) -> Result:
+    return runner.invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
 
 
 def run(*words: object) -> tuple[int, str]:
-    result = runner.invoke(app, [str(word) for word in words], env={"COLUMNS": "200"})
+    result = omni(*words)
     return result.exit_code, result.output
 
 
 def test_a_drive_is_kept_listed_compared_plotted_renamed_and_deleted(sitl: str, tmp_path: Path) -> None:
     runs = tmp_path / "runs"
     for gain in ("4", "12"):
-        assert omni("params", "set", f"ISMC_LAM_XY={gain}", "--link", sitl).returncode == 0
+        assert omni("params", "set", f"ISMC_LAM_XY={gain}", "--link", sitl).exit_code == 0
         driven = omni("drive", "pose", "0", "0.05" if gain == "4" else "0", "0", "--link", sitl, "--out", runs)
-        assert driven.returncode == 0, driven.stderr
+        assert driven.exit_code == 0, driven.stderr
         assert "run.png" in driven.stderr
     first = json.loads((runs / "drive-pose" / "drive.json").read_text())
     assert (first["asked"], first["end"], first["stops"]) == ("pose 0 0.05 0", "done", [])
@@ -87,11 +84,9 @@ def test_parameters_of_another_version_are_not_compared(tmp_path: Path) -> None:
 
 def test_a_refused_drive_leaves_nothing(firmware: FirmwareProcess, tmp_path: Path) -> None:
     for words in (["velocity", "3", "0", "0"], ["duty", "0.1"]):
-        assert omni("drive", *words, "--link", firmware.urls[0], "--out", tmp_path / "runs").returncode == 2
+        assert omni("drive", *words, "--link", firmware.urls[0], "--out", tmp_path / "runs").exit_code == 2
     assert list((tmp_path / "runs").iterdir()) == []
-    assert (
-        omni("drive", "velocity", "0", "0", "0", "--link", "tcp:127.0.0.1:9", "--out", tmp_path / "r").returncode == 1
-    )
+    assert omni("drive", "velocity", "0", "0", "0", "--link", "tcp:127.0.0.1:9", "--out", tmp_path / "r").exit_code == 1
     assert list((tmp_path / "r").iterdir()) == []
 
 
@@ -100,7 +95,7 @@ def test_a_drive_that_the_robot_ends_says_so(firmware: FirmwareProcess, tmp_path
     driven = omni(
         "drive", "velocity", "0.1", "0", "0", "--duration", "5", "--link", firmware.urls[0], "--out", tmp_path
     )
-    assert driven.returncode == 1, driven
+    assert driven.exit_code == 1, driven
     kept = json.loads((tmp_path / "drive-velocity" / "drive.json").read_text())
     assert "stopped itself" in kept["end"]
     assert kept["stops"] != []

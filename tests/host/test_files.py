@@ -230,9 +230,9 @@ def test_whole_records_are_counted(cut: int) -> None:
         assert whole_records(data + data[: len(data) - min(cut, len(data) - 1)]) == len(data)
 
 
-def test_a_recording_that_is_killed_has_lost_a_second_at_most(sitl: str, tmp_path: Path) -> None:
+def test_a_recording_that_is_killed_has_lost_a_second_at_most(url: str, tmp_path: Path) -> None:
     path = tmp_path / "killed.tlog"
-    command = [str(Path(sys.executable).with_name("omni")), "record", str(path), "--link", sitl]
+    command = [str(Path(sys.executable).with_name("omni")), "record", str(path), "--link", url]
     with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
 
         def begun() -> bool:

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from omni_schema.errors import did_you_mean
 from omniwheel.cli import app
 from omniwheel.cli.command_table import TABLE, load
-from tests.host.cli_examples import robot
+from tests.host.stepped import robot
 
 
 def said_by(line: str) -> tuple[int, str]:

@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel.cli import app
 from omniwheel.errors import HistoryError, OutputFileError, ParameterRefusedError
 from omniwheel.history import ChangeRecorder, RobotHistory, history_file
-
-OMNI = str(Path(sys.executable).with_name("omni"))
 
 
 @pytest.fixture
@@ -143,22 +143,26 @@ def test_a_full_disk_ends_no_line_that_another_program_appends_meanwhile(
 ) -> None:
     history.append([{"session": "a", "time": "", "who": "", "command": "", "why": ""}])
     other = (
-        "import sys; from pathlib import Path; from omniwheel.history import RobotHistory\n"
+        "import sys; from pathlib import Path; from omniwheel.history import RobotHistory; print('ready', flush=True)\n"
         "RobotHistory(Path(sys.argv[1])).append([{'session': 'a', 'set': {'WS_P': [1.0, 2.0]}}])"
     )
     started: list[subprocess.Popen[bytes]] = []
 
     def full(file: int, data: bytes) -> int:
         monkeypatch.undo()
-        started.append(subprocess.Popen([sys.executable, "-c", other, str(history.path)]))
+        child = subprocess.Popen([sys.executable, "-c", other, str(history.path)], stdout=subprocess.PIPE)
+        started.append(child)
+        assert child.stdout is not None
+        child.stdout.readline()
         with suppress(subprocess.TimeoutExpired):  # it waits for us; if it did not, its line would be there by now
-            started[0].wait(3.0)
+            child.wait(0.3)
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "write", full)
     with pytest.raises(OutputFileError):
         history.append([{"session": "b"}])
-    assert started[0].wait(60.0) == 0
+    with started[0] as child:
+        assert child.wait(60.0) == 0
     assert [entry.changes for entry in history.entries()] == [{"WS_P": (1.0, 2.0)}]
 
 
@@ -196,8 +200,8 @@ def test_a_robot_is_known_by_its_serial_number_or_its_link(monkeypatch: pytest.M
 
 
 def omni(*words: str) -> str:
-    done = subprocess.run([OMNI, *words], capture_output=True, text=True, timeout=120, check=False)
-    assert done.returncode == 0, done.stderr
+    done = CliRunner().invoke(app, list(words))
+    assert done.exit_code == 0, done.output
     return done.stdout
 
 

@@ -73,8 +73,8 @@ class MavProxy:
 
 
 @pytest.fixture
-def proxy(sitl: str, tmp_path: Path) -> Iterator[MavProxy]:
-    with MavProxy(sitl, tmp_path) as proxy:
+def proxy(url: str, tmp_path: Path) -> Iterator[MavProxy]:
+    with MavProxy(url, tmp_path) as proxy:
         yield proxy
 
 
@@ -99,7 +99,7 @@ def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy)
 
 
 @pytest.mark.mavproxy
-def test_mavproxy_lists_and_downloads_a_burst(proxy: MavProxy, sitl: str, tmp_path: Path) -> None:
+def test_mavproxy_lists_and_downloads_a_burst(proxy: MavProxy, url: str, tmp_path: Path) -> None:
     proxy.expect(r"Received \d+ parameters")
     proxy.enter("long 60118 0.2 1 32 0 0 0 0")
     proxy.expect(r"command : 60118, result : 0")

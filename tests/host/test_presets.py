@@ -15,12 +15,12 @@ from hil_sim import metrics
 from hil_sim.runs import faults_seen, run_in_process
 from hil_sim.scenario import Event, load_scenario
 from omni_reproduce.experiment import read_spec
-from omniwheel import connect
 from omniwheel.cli import app
 from omniwheel.errors import ParameterFileError
 from omniwheel.presets import preset_names, read_preset
 from omniwheel.robots import parameter_table, read_robot
 from tests.host import preset_page
+from tests.host.stepped import connect
 
 TABLE = parameter_table()
 ROOT = Path(__file__).resolve().parents[2]

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.world import PLANTS
-from omniwheel import connect
 from omniwheel.cli import app
+from tests.host.stepped import connect
 
 
 def omni(*arguments: object, code: int = 0) -> str:
@@ -35,41 +35,32 @@ def parameter(url: str, name: str) -> float:
 STEP = ("--size", "0.05", "--duration", "1.5")
 
 
-@pytest.fixture
-def patient(sitl: str) -> str:
-    """A robot in real time that forgives a computer too busy to send set-points and heartbeats when they are due."""
-    omni("params", "set", "SAFE_CMD_TO=60", "SAFE_LINK_TO=600", "--link", sitl)
-    return sitl
-
-
-def test_tune_compares_and_goes_back(patient: str, tmp_path: Path) -> None:
-    before = parameter(patient, "WS_P")
+def test_tune_compares_and_goes_back(sitl: str, tmp_path: Path) -> None:
+    before = parameter(sitl, "WS_P")
     picture = tmp_path / "tune.png"
-    told = omni_json(
-        "tune", "--link", patient, "--set", "WS_P=6", *STEP, "--revert", "--plot", picture, "--out", tmp_path
-    )
+    told = omni_json("tune", "--link", sitl, "--set", "WS_P=6", *STEP, "--revert", "--plot", picture, "--out", tmp_path)
     assert told["old"] == {"WS_P": before}
     assert told["new"] == {"WS_P": 6.0}
     for side in ("before", "after"):
         assert 0.0 < told[side]["rise_s"] < 1.5
         assert 0.0 < told[side]["position_m"] < 0.01
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert parameter(patient, "WS_P") == before
-    with connect(patient) as robot:
+    assert parameter(sitl, "WS_P") == before
+    with connect(sitl) as robot:
         assert not robot.status.armed
 
 
-def test_tune_keeps_what_it_is_told_to_keep(patient: str, tmp_path: Path) -> None:
-    told = omni_json("tune", "--link", patient, "--set", "WS_P=5", *STEP, "--keep", "--out", tmp_path)
+def test_tune_keeps_what_it_is_told_to_keep(sitl: str, tmp_path: Path) -> None:
+    told = omni_json("tune", "--link", sitl, "--set", "WS_P=5", *STEP, "--keep", "--out", tmp_path)
     assert told["kept"] is True
-    assert parameter(patient, "WS_P") == 5.0
+    assert parameter(sitl, "WS_P") == 5.0
 
 
 @pytest.mark.nightly
-def test_tune_tries_several_in_rounds_and_judges_each(patient: str, tmp_path: Path) -> None:
-    before = parameter(patient, "ISMC_LAM_XY")
+def test_tune_tries_several_in_rounds_and_judges_each(sitl: str, tmp_path: Path) -> None:
+    before = parameter(sitl, "ISMC_LAM_XY")
     words = ("--set", "ISMC_LAM_XY=4", "--candidate", f"ISMC_LAM_XY={before:g} WS_P=4", "--rounds", 3)
-    told = omni_json("tune", "--link", patient, *words, *STEP, "--out", tmp_path)
+    told = omni_json("tune", "--link", sitl, *words, *STEP, "--out", tmp_path)
     assert told["rounds"] == 3
     assert [list(entry["new"]) for entry in told["candidates"]] == [["ISMC_LAM_XY"], ["ISMC_LAM_XY", "WS_P"]]
     assert told["kept"] is False
@@ -77,8 +68,8 @@ def test_tune_tries_several_in_rounds_and_judges_each(patient: str, tmp_path: Pa
         for verdict in entry["verdicts"]:
             assert verdict["rounds"] <= 3
             assert ("inside the noise" in verdict["text"]) is not verdict["shows"]
-    assert parameter(patient, "ISMC_LAM_XY") == before
-    omni("tune", "--link", patient, *words, *STEP, "--keep", "--out", tmp_path, code=2)
+    assert parameter(sitl, "ISMC_LAM_XY") == before
+    omni("tune", "--link", sitl, *words, *STEP, "--keep", "--out", tmp_path, code=2)
 
 
 @pytest.mark.parametrize("setting", ["WS_P=nan", "WS_P=1e9", "WSP=4", "WS_P", "WHEELS=3.5"])
@@ -97,9 +88,9 @@ def test_duties_turn_the_robot_open_loop(sitl: str) -> None:
     assert omni_json("drive", "duty", "1.5", "0", "0", "--link", sitl, code=2)["error"]["type"] == "SetpointError"
 
 
-def test_a_pose_is_driven_to(patient: str) -> None:
-    omni("drive", "pose", 0.05, 0.05, 0.1, "--for", 120, "--link", patient)
-    told = omni_json("monitor", "--once", "--link", patient)
+def test_a_pose_is_driven_to(sitl: str) -> None:
+    omni("drive", "pose", 0.05, 0.05, 0.1, "--for", 120, "--link", sitl)
+    told = omni_json("monitor", "--once", "--link", sitl)
     pose = told["pose"] if "pose" in told else told["estimate"]
     x, y, theta = pose.values() if isinstance(pose, dict) else pose
     assert (x, y, theta) == pytest.approx((0.05, 0.05, 0.1), abs=0.01)

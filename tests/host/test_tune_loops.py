@@ -18,8 +18,8 @@ from omniwheel.errors import LimitError
 from omniwheel.experiments import PositionPlan, WheelPlan
 from omniwheel.experiments.repeated import Loop, Signal, common
 from omniwheel.tuning_verdict import Kind, judge_figures
-from tests.host.cli_examples import robot as simulated
 from tests.host.experiments.test_wheel import FLOOR, STAND, connected
+from tests.host.stepped import robot as simulated
 
 ALONE = ("--link", "simulated", "--revert", "--json")
 

@@ -1,11 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""The commands against `omni sitl` in real time: output, reports, exit codes. What they judge is tested elsewhere."""
+"""The commands against a robot on a stand: output, reports, exit codes. What they judge is tested elsewhere."""
 
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,10 +11,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel import connect
 from omniwheel.bringup import Finding, Result
 from omniwheel.bringup.results_page import write_results
 from omniwheel.cli import app
+from tests.host.stepped import connect, robot
 
 runner = CliRunner()
 
@@ -28,16 +26,10 @@ def run(*words: str, code: int = 0, answers: str = "") -> Any:
 
 
 @pytest.fixture
-def stand(tmp_path: Path) -> Iterator[str]:
+def stand() -> Iterator[str]:
     """A robot that believes that its wires are right, on a stand."""
-    command = [str(Path(sys.executable).with_name("omni")), "sitl", "stand", "--port", "0", "--json"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
-        try:
-            assert process.stdout is not None
-            yield json.loads(process.stdout.readline())["links"][0]
-        finally:
-            process.terminate()
-            process.wait(60.0)
+    with robot("stand", end_s=600.0) as url:
+        yield url
 
 
 @pytest.mark.parametrize(

@@ -6,27 +6,25 @@ from __future__ import annotations
 import json
 import math
 import os
-import subprocess
 import sys
-from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner, Result
 
 from omniwheel import FirmwareProcess, connect
 from omniwheel.capability import drive_model
 from omniwheel.capability.reach import check_velocity, travel_time_s
+from omniwheel.cli import app
 from omniwheel.cli.keyboard import KeyDriver, _Keys, split_keys
 from omniwheel.errors import LimitError
 from omniwheel.frames import Pose, Twist
 from omniwheel.robots import read_robot
 from omniwheel.telemetry import Tracking
 
-OMNI = str(Path(sys.executable).with_name("omni"))
 
-
-def omni(*words: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([OMNI, *words], capture_output=True, text=True, timeout=120, check=False)
+def omni(*words: str) -> Result:
+    return CliRunner().invoke(app, list(words))
 
 
 @pytest.mark.parametrize(
@@ -47,7 +45,7 @@ def omni(*words: str) -> subprocess.CompletedProcess[str]:
 )
 def test_refused_before_arming(url: str, words: str, said: str) -> None:
     result = omni("drive", *words.split(), "--link", url)
-    assert result.returncode == 2, result
+    assert result.exit_code == 2, result
     assert said in result.stderr.replace("\n", " ")
     assert "armed" not in result.stderr
     with connect(url) as robot:
@@ -123,13 +121,13 @@ def test_the_api_asks_for_every_heading_of_a_turning_drive(firmware: FirmwarePro
 def test_a_pose_is_reached_within_the_time_that_was_told(sitl: str) -> None:
     """The first example of the command's own help, with the time that the command allows by itself."""
     result = omni("drive", "pose", "0.5", "0", "1.57", "--link", sitl, "--json")
-    assert result.returncode == 0, result.stderr
+    assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout)["arrived"] is True
 
 
 def test_a_pose_in_degrees_is_the_one_in_radians(sitl: str) -> None:
     result = omni("drive", "pose", "0", "0", "-20deg", "--link", sitl, "--json")
-    assert result.returncode == 0, result.stderr
+    assert result.exit_code == 0, result.stderr
     assert json.loads(result.stdout)["pose"]["theta"] == pytest.approx(math.radians(-20.0), abs=0.03)
 
 

@@ -21,7 +21,7 @@ from omniwheel.experiments import Outcome, WheelPlan, wheel_chirp, wheel_step
 from omniwheel.experiments.folder import BURST_FILE, NUMBERS_FILE, PICTURE_FILE, write_outcome
 from omniwheel.experiments.wheel import WheelSetup
 from omniwheel.tuning import ExperimentError
-from tests.host.cli_examples import robot as simulated
+from tests.host.stepped import robot as simulated
 
 ROOM_M = 1.0
 STAND, FLOOR = "stand", "sitl"
