@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from omniwheel import connect
 from tests.hub.parts import Cable, omni
 
 
@@ -17,11 +18,25 @@ def own_places(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
 
 
-@pytest.fixture
-def robot_urls() -> Iterator[list[str]]:
-    """Run a robot in its world with two links, as `omni sitl` does."""
+@pytest.fixture(scope="module")
+def running_robot() -> Iterator[tuple[list[str], dict[str, float]]]:
+    """Run a robot in its world with two links, as `omni sitl` does; return them and the robot's parameters."""
     with omni("sitl", "--link", "tcp:127.0.0.1:0", "--link", "tcp:127.0.0.1:0", "--json") as (_, ready):
-        yield ready["links"]
+        with connect(ready["links"][1]) as robot:
+            parameters = robot.parameters.download()
+        yield ready["links"], parameters
+
+
+@pytest.fixture
+def robot_urls(running_robot: tuple[list[str], dict[str, float]]) -> Iterator[list[str]]:
+    """Both links of a robot that is as it was when it started."""
+    urls, parameters = running_robot
+    yield urls
+    with connect(urls[1]) as robot:
+        robot.disarm()
+        robot.estop_clear()
+        robot.parameters.download()
+        robot.parameters.set_many({name: old for name, (_, old) in robot.parameters.diff(parameters).items()})
 
 
 @pytest.fixture
