@@ -183,6 +183,7 @@ def test_a_stop_by_another_program_shows_and_a_lost_robot_comes_back(tmp_path: P
             assert page.evaluate(f"{changed}?.textContent") == was, "this page has changed it, before the loss"
 
 
+@pytest.mark.nightly
 def test_a_robot_is_not_lost_because_the_computer_stood_still() -> None:
     """As a suspended laptop does: studio and simulated robot stop together for longer than a lost robot is silent."""
     with studio("sitl") as program:

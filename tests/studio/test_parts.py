@@ -22,7 +22,7 @@ from omniwheel.studio.access import Access
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
-from omniwheel.studio.session import Session
+from omniwheel.studio.session import Session, _Silence
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
 from omniwheel.studio.urgent_link import UrgentLink
 from omniwheel.studio.work_queue import SETPOINT, STOP, WorkQueue
@@ -393,3 +393,23 @@ def test_an_error_of_its_own_does_not_end_the_robots_thread(monkeypatch: pytest.
     assert session.trouble == "an error of the studio's own: ZeroDivisionError: planted"
     session.close()
     assert session.phase == "closed"
+
+
+# ---- a robot that is silent
+
+
+def test_silence_is_what_was_listened_to_since_the_last_heartbeat() -> None:
+    silence = _Silence()
+    times = np.arange(80) / 10
+    heard = [silence.seconds(time_s, time_s % 4.0) for time_s in times]
+    assert heard == pytest.approx([time_s % 4.0 for time_s in times], abs=0.11)
+
+
+def test_a_computer_that_stood_still_has_heard_nobody() -> None:
+    """As a suspended laptop does. Its robot is lost only after a silence that it has listened to."""
+    silence = _Silence()
+    silence.seconds(10.0, 0.2)
+    assert silence.seconds(3600.0, 3590.2) <= 0.5
+    goes_on = [silence.seconds(3600.0 + n / 10, 3590.2 + n / 10) for n in range(1, 101)]
+    assert goes_on[-1] == pytest.approx(10.5, abs=0.1)
+    assert silence.seconds(3610.1, 0.1) <= 0.1
