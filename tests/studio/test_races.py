@@ -361,8 +361,8 @@ def test_a_robot_that_goes_while_a_page_is_told_of_it(tmp_path: Path, monkeypatc
     studio_.session = session = Leaving("silent")
     session.phase = "connected"
     page = studio_.open_page()
-    page.session = session
     monkeypatch.setattr(studio_, "state", lambda page: {})
+    monkeypatch.setattr(studio_, "tables", lambda robot: {})
     assert studio_.news(page)["parameters"] == {"WHEELS": 3.0}
     studio_.session = None
     studio_.close()

@@ -148,6 +148,24 @@ def test_a_wheel_that_the_robot_does_not_have_waits_for_one_that_has_it(fed: Fed
     assert counts(fed.studio.window(fed.page, 0.0, 1.0, 100)) == {0: 0}
 
 
+def test_a_page_gets_new_tables_when_the_robot_gets_a_sensor_or_a_wheel(
+    fed: Fed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(fed.studio, "tables", lambda robot: {})
+    monkeypatch.setattr(fed.studio, "state", lambda page: {})
+    session = fed.connect()
+    session.phase = "connected"
+
+    def again() -> Any:
+        return fed.studio.news(fed.page).get("tables", {}).get("again")
+
+    assert [again(), again()] == [False, None]
+    session.sensors = (GYRO,)
+    assert [again(), again()] == [True, None]
+    fed.hear(session, wheels=4.0)
+    assert [again(), again()] == [True, None]
+
+
 def test_a_key_that_no_signal_has_is_an_error_and_what_was_shown_stays(fed: Fed) -> None:
     fed.connect().sensors = SENSORS
     fed.studio.show(fed.page, [X], 10.0)

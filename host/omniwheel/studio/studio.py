@@ -63,8 +63,8 @@ class Page:
         self.session: Session | None = None
         """Whose tables it has."""
         self.connection = 0
-        self.sensors: tuple[Sensor, ...] = ()
-        """Those of the robot that its tables are for."""
+        self.existing: frozenset[str] = frozenset()
+        """Keys of the signals that the robot of its tables has: a sensor or a wheel may come later."""
         self.heard: Session | None = None
         """Whose texts it has been told."""
         self.text_count = 0
@@ -335,10 +335,10 @@ class Studio:
             found["texts"] = texts
         if robot is None or session.phase != "connected":
             return found  # a page shows nothing to set before it can be set
-        sensors = session.sensors  # once: the robot's own thread may change it
-        if (page.session, page.connection, page.sensors) != (session, session.connections, sensors):
+        existing = _keys_of(session, robot)  # once: the robot's own thread may change it
+        if (page.session, page.connection, page.existing) != (session, session.connections, existing):
             again = page.session is session
-            page.session, page.connection, page.sensors = session, session.connections, sensors
+            page.session, page.connection, page.existing = session, session.connections, existing
             page.fix_count = session.fix_count  # a map shows fixes from now on
             page.mark_changes, page.values = -1, {}
             found["tables"] = {**self.tables(robot), "again": again}
