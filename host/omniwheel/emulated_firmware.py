@@ -74,8 +74,8 @@ class EmulatedFirmware(FirmwareChild):
         self._direct: socket.socket | None = None
         self._storage = None if storage is None else Path(storage)
         self._held: IO[bytes] | None = None
-        self._program = Path(program) if program is not None else _program()
         self._emulator = _emulator()
+        self._program = Path(program) if program is not None else _program()
         self._icount = [] if icount_shift is None else ["-icount", f"shift={icount_shift},align=off,sleep=off"]
         self._words = ["--log", _LOG, "--links", str(len(links)), "--reset-cause", reset_cause]
         self._words += [] if watchdog_ms is None else ["--watchdog", str(watchdog_ms)]
