@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.native import ROOT, WARNINGS, _compiler, generated_dir
+from tests.native import ROOT, WARNINGS, _compiler, core_archive, generated_dir, kept_library
 
 # A safety state that there is none of: no input can bring it about.
 PROGRAM = """
@@ -49,16 +49,13 @@ bench.tick(lib.OMNI_EVENT_DISARM)
     assert trapped or "DEADLYSIGNAL" in done.stderr, done.stderr  # the sanitizers say it in their own way
 
 
-def built(folder: Path, *flags: str) -> Path:
-    """Build the program and the whole core into a folder."""
+def built(folder: Path, core: Path) -> Path:
+    """Build the program in a folder with this core."""
     source = folder / "program.c"
     source.write_text(PROGRAM)
-    core = ROOT / "shared" / "core"
-    sources = [*sorted((core / "src").glob("*/*.c")), *(generated_dir() / "src").glob("*.c"), source]
-    folders = [f"-I{core / 'include'}", f"-I{generated_dir() / 'include'}"]
     program = folder / "program"
-    compiler = [*_compiler("CC", "cc"), "-std=c99", "-O1", "-ffp-contract=off", "-fno-math-errno", *WARNINGS]
-    words = [*compiler, *flags, *folders, *map(str, sources), "-o", str(program)]
+    folders = [f"-I{path / 'include'}" for path in (ROOT / "shared" / "core", generated_dir())]
+    words = [*_compiler("CC", "cc"), "-std=c99", *WARNINGS, *folders, str(source), str(core), "-o", str(program)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{shlex.join(done.args)}\n{done.stderr}"
     return program
@@ -70,11 +67,13 @@ def exit_code(program: Path, state: int) -> int:
 
 @pytest.mark.own_build
 def test_what_no_input_can_bring_about_ends_the_program_if_it_is_asked_to(tmp_path: Path) -> None:
-    program = built(tmp_path, "-DOMNI_ASSERTS")
+    program = built(tmp_path, core_archive())
     assert exit_code(program, 77) in (-signal.SIGILL, -signal.SIGTRAP, -signal.SIGABRT)
     assert exit_code(program, 1) == 0
 
 
 @pytest.mark.own_build
 def test_it_is_not_looked_for_otherwise(tmp_path: Path) -> None:
-    assert exit_code(built(tmp_path), 77) == 0
+    sources = [*sorted((ROOT / "shared" / "core" / "src").glob("*/*.c")), *(generated_dir() / "src").glob("*.c")]
+    core = kept_library("core_without_asserts", sources, flags=["-fno-math-errno"], static=True)
+    assert exit_code(built(tmp_path, core), 77) == 0
