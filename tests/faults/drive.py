@@ -20,16 +20,14 @@ from importlib import import_module
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import tomllib
-from matplotlib.backends.backend_agg import RendererAgg
-from matplotlib.figure import Figure
 from typer.testing import CliRunner, Result
 
 from omniwheel.cli import app
 from omniwheel.tlog import whole_records
+from tests.blank_pictures import blank_pictures
 from tests.faults.commands import CASES, INPUTS, Case, firmware, make_inputs
 from tests.faults.shim import FAILURES, FULL, Failure, chosen
 
@@ -172,15 +170,6 @@ def prepared(folder: Path) -> Path:
     return inputs
 
 
-_DRAW = Figure.draw
-
-
-def draw_no_pixels(figure: Figure, renderer: Any) -> None:
-    """Leave a PNG blank: most of a command's time would go there, and it is written in the same way."""
-    if not isinstance(renderer, RendererAgg):
-        _DRAW(figure, renderer)
-
-
 def result_of(name: str, folder: Path, most: int | None, inputs: Path) -> dict[str, Any]:
     """Drive one case in ``folder``; with ``most``, PNG files stay blank."""
     case = CASES[name]
@@ -188,7 +177,7 @@ def result_of(name: str, folder: Path, most: int | None, inputs: Path) -> dict[s
     values = {"inputs": str(INPUTS[0])}
     with ExitStack() as stack:
         if most:
-            stack.enter_context(patch.object(Figure, "draw", draw_no_pixels))
+            stack.enter_context(blank_pictures())
         if case.links:
             values["link"] = stack.enter_context(firmware()).urls[0]
         return Drive(case, folder.resolve(), values).all(most or sys.maxsize)

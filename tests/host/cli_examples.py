@@ -233,6 +233,13 @@ def tried() -> Iterator[None]:
 
 
 @contextmanager
+def tuned() -> Iterator[None]:
+    """The robot has been tuned already."""
+    with robot(), CASES["autotune"].during():
+        yield
+
+
+@contextmanager
 def live() -> Iterator[None]:
     """The robot is excited for a moment, and what is found is the nominal robot."""
     with robot(), CASES["identify live"].during():
@@ -289,7 +296,8 @@ RULES = (
     Rule("tune --set ISMC_LAM_XY=3", "--rounds 1", LINK, robot),
     Rule("tune --set WS_P=2", "--duration 2 --size 0.1 --rounds 2", LINK, robot),
     Rule("tune", "--duration 2 --size 0.1", LINK, robot),
-    Rule("autotune", "--legs 4 --rounds 2", LINK, partial(robot, end_s=900.0), new="mine.toml"),
+    Rule("autotune --name", "--legs 4 --rounds 2", LINK, partial(robot, end_s=900.0), new="mine.toml"),
+    Rule("autotune", leave=LINK, during=tuned),
     Rule("experiment wheel-chirp --wheel 1", leave=LINK, during=partial(robot, "stand")),
     Rule("experiment", leave=LINK, during=robot),
     Rule("identify logs", new="identified.toml"),
