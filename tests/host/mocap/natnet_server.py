@@ -100,7 +100,7 @@ class Server:
         self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton("127.0.0.1"))
         self.port = int(self._socket.getsockname()[1])
         self._client: Any = None
-        self.heard_at = 0
+        self.heard_at = self.answered_at = 0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -127,6 +127,7 @@ class Server:
             for _ in range(self.delay):
                 self._send_frame()
                 time.sleep(FRAME_S)
+            self.answered_at = self.number
             self._socket.sendto(server_info(self.version), self._client)
         elif self.answers and message == REQUEST_MODELDEF:
             self._socket.sendto(model(self.version, self.names), self._client)
