@@ -21,6 +21,8 @@ from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from tests.arm import need_emulator
 
 FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": partial(EmulatedFirmware, links=[DIRECT])}
+ON_EACH = ["pc", pytest.param("cortex-m7", marks=pytest.mark.nightly)]
+"""Before a merge the image that is flashed does the same: its checks `faults-at-the-pins` and `faults-in-the-loop`."""
 DRIVING = 0.05
 ESTOP = 4
 DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "safety.md"
@@ -59,7 +61,7 @@ def check_drives_on(result: FaultResult) -> None:
         assert result.error_m <= case.error_m
 
 
-@pytest.mark.parametrize("firmware", FIRMWARES)
+@pytest.mark.parametrize("firmware", ON_EACH)
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.name)
 def test_a_fault_is_met_as_promised(case: FaultCase, firmware: str) -> None:
     result = result_of(case.name, firmware)
@@ -76,6 +78,7 @@ def test_a_fault_is_met_as_promised(case: FaultCase, firmware: str) -> None:
     assert result.moved_after > DRIVING, "it must drive again afterwards"
 
 
+@pytest.mark.nightly
 def test_both_processors_take_the_same_time() -> None:
     pairs = {case.name: tuple(result_of(case.name, firmware).latency_s for firmware in FIRMWARES) for case in CASES}
     assert {name: pair for name, pair in pairs.items() if pair[0] != pair[1]} == {}

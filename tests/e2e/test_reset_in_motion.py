@@ -20,6 +20,8 @@ from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from tests.arm import need_emulator
 
 FIRMWARES: dict[str, Firmware] = {"pc": FirmwareProcess, "cortex-m7": partial(EmulatedFirmware, links=[DIRECT])}
+ON_EACH = ["pc", pytest.param("cortex-m7", marks=pytest.mark.nightly)]
+"""Before a merge the image that is flashed does the same: its checks `watchdog` and `never-arms`."""
 DRIVE_TICKS = 500
 WATCHDOG_TICKS = 200
 BOOT_TICKS = 300
@@ -35,7 +37,7 @@ PINS = {
 
 
 @pytest.mark.parametrize("pin", PINS)
-@pytest.mark.parametrize("name", FIRMWARES)
+@pytest.mark.parametrize("name", ON_EACH)
 def test_the_motors_stop_with_the_reset_or_with_the_first_write(name: str, pin: str) -> None:
     if name == "cortex-m7":
         need_emulator()

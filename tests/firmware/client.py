@@ -87,8 +87,9 @@ def firmware(*arguments: str, links: Sequence[str] = ("tcp:127.0.0.1:0",)) -> It
             yield Firmware(None, list(running.links), running)
         return
     options = [text for link in links for text in ("--link", link)]
+    program = os.environ.get("OMNI_FIRMWARE_PC") or str(firmware_path())
     process = subprocess.Popen(
-        [str(firmware_path()), *options, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [program, *options, *arguments], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout is not None
     try:
@@ -103,7 +104,7 @@ def firmware(*arguments: str, links: Sequence[str] = ("tcp:127.0.0.1:0",)) -> It
 
 def _emulated(arguments: Sequence[str], links: Sequence[str]) -> EmulatedFirmware:
     words = iter(arguments)
-    options: dict[str, Any] = {"links": links}
+    options: dict[str, Any] = {"links": links, "program": os.environ.get("OMNI_FIRMWARE_EMULATED")}
     for word in words:
         if word == "--lockstep":
             options["lockstep"] = True

@@ -126,6 +126,7 @@ def test_leaving_no_scan_behind_when_host_in_the_loop_begins_anew(robot: Client)
 CANCELLED = "I2C scan cancelled: host-in-the-loop switched"
 
 
+@pytest.mark.pc_only
 def test_whoever_waits_for_a_scan_is_told_that_entering_host_in_the_loop_cancels_it() -> None:
     robot = FakeRobot().ready()
     assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_ACCEPTED
@@ -136,6 +137,7 @@ def test_whoever_waits_for_a_scan_is_told_that_entering_host_in_the_loop_cancels
     robot.close()
 
 
+@pytest.mark.pc_only
 def test_whoever_waits_for_a_scan_is_told_that_leaving_host_in_the_loop_cancels_it() -> None:
     robot = FakeRobot().in_loop(RADIO, drive=False)
     assert robot.ask(USB, command(SCAN)) == mav.MAV_RESULT_ACCEPTED
@@ -182,6 +184,7 @@ def test_health_comes_with_the_status_group(robot: Client) -> None:
     assert seen.count("OMNI_HEALTH") >= 5
 
 
+@pytest.mark.pc_only
 def test_a_scan_in_a_loop_that_has_not_begun_is_refused_with_the_reason() -> None:
     robot = FakeRobot().ready()
     assert robot.ask(USB, HIL_ON) == mav.MAV_RESULT_ACCEPTED
