@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import copy
 import io
+import re
 import shutil
 import sys
 import xml.etree.ElementTree as ET
@@ -199,6 +200,9 @@ def generate_c(link_dir: Path, out: Path) -> None:
     _run_mavgen(xml, out / "mavlink", "C")
     _write_familiar(out)
     folder = out / "mavlink" / "omni"
+    # The date would make every day's headers, and every object that includes them, new ones.
+    version = folder / "version.h"
+    version.write_text(re.sub(r"#define MAVLINK_BUILD_DATE .*\n", "", version.read_text("utf-8")), encoding="utf-8")
     (folder / "telemetry_gen.h").write_text(cpp_header(telemetry), encoding="utf-8")
     (folder / "reports_gen.h").write_text(cpp_reports(telemetry), encoding="utf-8")
 

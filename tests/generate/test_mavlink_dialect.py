@@ -3,6 +3,7 @@
 
 import importlib.util
 import re
+import time
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -91,3 +92,14 @@ def test_malformed_xml_is_named(tmp_path: Path) -> None:
     (tmp_path / "standard.toml").write_text("messages = []")
     with pytest.raises(SchemaError, match=r"omni\.xml: is not valid XML"):
         trimmed_dialect(tmp_path)
+
+
+def test_the_headers_are_the_same_on_another_day(
+    generated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(time, "strftime", lambda *_: "Fri Feb 29 2132")
+    generate_c(LINK, tmp_path)
+    headers = sorted((tmp_path / "mavlink").rglob("*.h"))
+    assert len(headers) > 20
+    for header in headers:
+        assert header.read_bytes() == (generated / header.relative_to(tmp_path)).read_bytes(), header.name
