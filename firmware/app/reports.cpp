@@ -7,9 +7,9 @@
 #include <iterator>
 #include <limits>
 
+#include "app/build_id.h"
 #include "app/core.h"
 #include "app/frames.h"
-#include "omni/version_gen.h"
 
 namespace omni {
 namespace {
@@ -182,15 +182,12 @@ bool report_version(Link &link, uint64_t serial_number) {
                            MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST |
                            MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED;
     // Lowest byte: 255 is a release, 0 development.
-    message.flight_sw_version = static_cast<uint32_t>(OMNI_VERSION_MAJOR) << 24 |
-                                static_cast<uint32_t>(OMNI_VERSION_MINOR) << 16 |
-                                static_cast<uint32_t>(OMNI_VERSION_PATCH) << 8 | (OMNI_GIT_DIRTY != 0 ? 0u : 255u);
+    message.flight_sw_version = build_id.version | (build_id.changed ? 0u : 255u);
     message.middleware_sw_version = OMNI_PARAM_SCHEMA_VERSION;
     message.os_sw_version = omni_param_schema_crc;
     message.uid = serial_number;
-    const uint64_t hash = OMNI_GIT_HASH;
     for (size_t i = 0; i < sizeof message.flight_custom_version; ++i) {
-        message.flight_custom_version[i] = static_cast<uint8_t>(hash >> (56 - 8 * i));
+        message.flight_custom_version[i] = static_cast<uint8_t>(build_id.commit >> (56 - 8 * i));
     }
     return link.send(MAVLINK_MSG_ID_AUTOPILOT_VERSION, message, Priority::reply);
 }

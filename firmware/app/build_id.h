@@ -1,0 +1,18 @@
+// SPDX-License-Identifier: MIT
+/// @file build_id.h  Which version and commit the program was built from.
+#pragma once
+
+#include <cstdint>
+
+namespace omni {
+
+struct BuildId {
+    uint64_t commit;  ///< its first 64 bits; 0: built outside a git work tree
+    uint32_t version; ///< major, minor, patch from the highest byte on, as in AUTOPILOT_VERSION; the lowest is 0
+    bool changed;     ///< tracked files differed from that commit
+};
+
+/// An object of its own: with another commit only these bytes of an image differ.
+extern const BuildId build_id;
+
+} // namespace omni
