@@ -17,7 +17,7 @@ WORKERS ?= auto
 PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
 .PHONY: help setup demo test test-all test-changed lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
-        mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly clean
+        mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly kept clean
 help:
 	@echo 'Begin here'
 	@echo '  make demo         set up, then drive the simulated robot through the real firmware'
@@ -35,6 +35,7 @@ help:
 	@echo '  make sanitize     tests under ASan and UBSan'
 	@echo '  make fuzz         fuzzers under sanitizers (make fuzz SECONDS=600 ARGS=app, make fuzz BYTES=100000000)'
 	@echo '  make prove        the core has no run-time errors, for any input (docs/checks/proof.md)'
+	@echo '  make kept         makes what tests/kept.txt has no line for, and writes it (docs/checks/testing.md)'
 	@echo '  make mutants      does a test notice small changes of the core and the firmware (ARGS="--count 1100")?'
 	@echo '  make mutants-sample  a few of them, with a floor'
 	@echo 'Measure and compare'
@@ -163,6 +164,10 @@ firmware-memory: setup firmware
 	$(BIN)/python -m tests.image_build.memory_page $(ARGS)
 	$(BIN)/python -m tests.image.static $(ARGS)
 	$(BIN)/python -m tests.image.static.tick_bound $(ARGS)
+
+# What tests/kept.txt says of these sources, brought up to date: see docs/checks/testing.md.
+kept: export OMNI_KEPT = write
+kept: prove
 
 firmware-build-check: setup $(VENV)/stamp-platformio
 	.ci/firmware $(VENV)

@@ -4,16 +4,17 @@
 from __future__ import annotations
 
 import csv
-import hashlib
 import re
 import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 from omni_schema.toml_file import read_toml
+from tests import kept
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = Path(__file__).resolve().parent
@@ -64,7 +65,6 @@ class Proof:
     given: str
     options: tuple[str, ...] = ()
     nightly: bool = False
-    long: bool = False
     driver_name: str = ""
 
     @property
@@ -124,16 +124,20 @@ def without_comments(text: str) -> str:
 def fingerprint(proof: Proof, core: Path = ROOT / "shared" / "core", generated: Path = OUT / "generated") -> str:
     """Return a digest of all that a proof depends on: sources, headers, driver, options, what may stay unproved.
 
-    Frama-C's version is not in it. ``generate`` must have run. Another comment or layout gives the same digest.
+    ``generate`` must have run, and Frama-C be there. Another comment or layout gives the same digest.
     """
-    digest = hashlib.sha256(" ".join([*MACHINE, *EVA, *proof.options, proof.name]).encode())
+    parts = [_version(), *MACHINE, *EVA, *proof.options, proof.name]
     folders = [core / "src", core / "include", generated / "src", generated / "include"]
     paths = [path for folder in folders for path in sorted(folder.rglob("*.[ch]"))]
     for path in [*paths, *sorted(FOLDER.glob("*.h")), FOLDER / "ieee.ml", proof.driver]:
         text = path.read_text(encoding="utf-8")
-        digest.update(f"\n{path.name}\n{without_comments(text) if path.suffix in ('.c', '.h') else text}".encode())
-    digest.update(repr(read_toml(NOT_PROVED).get("place")).encode())
-    return digest.hexdigest()
+        parts += [path.name, without_comments(text) if path.suffix in (".c", ".h") else text]
+    return kept.digest(*parts, repr(read_toml(NOT_PROVED).get("place")))
+
+
+@cache
+def _version() -> str:
+    return kept.version_of("frama-c")
 
 
 def _command(proof: Proof, core: Path, folder: Path) -> list[str]:

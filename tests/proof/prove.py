@@ -3,7 +3,7 @@
 
 usage: python -m tests.proof.prove [--write] [--nightly] [PROOF ...]
 
-A long proof is not made again while everything it depends on is what it was made for (kept.json).
+A proof is not made again while everything it depends on has the same content (tests/kept.py); a named one is.
 Exit code 1: something is not proved that docs/checks/proof.md does not list, or the page says something else. Without
 Frama-C nothing is proved, and it says so; with CI=true that is an error.
 """
@@ -11,7 +11,6 @@ Frama-C nothing is proved, and it says so; with CI=true that is an error.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from pathlib import Path
 from rich.console import Console
 
 from omni_schema.toml_file import read_toml
+from tests import kept
 from tests.parity.budget_page import replace_block
 from tests.proof.frama_c import (
     FOLDER,
@@ -39,7 +39,6 @@ from tests.proof.frama_c import (
 )
 
 PAGE = ROOT / "docs" / "checks" / "proof.md"
-KEPT = FOLDER / "kept.json"
 COMMAND = "make prove ARGS=--write"
 
 
@@ -52,7 +51,6 @@ def read_proofs() -> list[Proof]:
             entry["given"],
             tuple(" ".join(entry.get("options", [])).split()),
             entry.get("nightly", False),
-            entry.get("long", False),
             entry.get("driver", ""),
         )
         for name, entry in read_toml(FOLDER / "proofs.toml").items()
@@ -98,21 +96,14 @@ def unreached(results: Sequence[Result], listed: Sequence[Unreached]) -> list[st
     return sentences + [f"not_proved.toml lists {folder}, all of which is proved by now" for folder in in_vain]
 
 
-def read_kept(path: Path = KEPT) -> dict[str, str]:
-    """Return, by the name of a long proof, the fingerprint of what it was last made for."""
-    kept: dict[str, str] = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
-    return kept
+def kept_name(proof: Proof) -> str:
+    """Return the name under which tests/kept.txt has a proof."""
+    return f"proof: {proof.name}"
 
 
-def to_make(chosen: Sequence[Proof], prints: Mapping[str, str], kept: Mapping[str, str]) -> list[Proof]:
-    """Return the proofs to make: all but the long ones whose fingerprint is the kept one."""
-    return [proof for proof in chosen if not (proof.long and kept.get(proof.name) == prints[proof.name])]
-
-
-def keep(results: Sequence[Result], prints: Mapping[str, str], path: Path = KEPT) -> None:
-    """Write down for what the long ones among the results were made."""
-    made = {result.proof.name: prints[result.proof.name] for result in results if result.proof.long}
-    path.write_text(json.dumps(read_kept(path) | made, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+def to_make(chosen: Sequence[Proof], prints: Mapping[str, str]) -> list[Proof]:
+    """Return the proofs that have not been made for what they depend on now."""
+    return [proof for proof in chosen if not kept.has_passed(kept_name(proof), prints[proof.name])]
 
 
 def _functions(folder: str = ".") -> set[str]:
@@ -136,7 +127,7 @@ def page_blocks(
 
 
 def _when(proof: Proof) -> str:
-    return "nightly" if proof.nightly else "nightly, and when a source changed" if proof.long else "every run"
+    return "nightly" if proof.nightly else "nightly, and when a source changed"
 
 
 def _cell(text: str) -> str:
@@ -154,8 +145,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return its exit code."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("proofs", nargs="*", metavar="PROOF", help="run these only")
-    parser.add_argument("--nightly", action="store_true", help="the long ones, too")
-    parser.add_argument("--write", action="store_true", help="write docs/checks/proof.md and kept.json")
+    parser.add_argument("--nightly", action="store_true", help="all of them")
+    parser.add_argument("--write", action="store_true", help="write docs/checks/proof.md")
     options = parser.parse_args(arguments)
     everything = read_proofs()
     unknown = set(options.proofs) - {proof.name for proof in everything}
@@ -172,7 +163,7 @@ def main(arguments: list[str] | None = None) -> int:
     places, functions = read_not_proved()
     generate()
     prints = {proof.name: fingerprint(proof) for proof in chosen}
-    made = chosen if options.nightly or options.proofs else to_make(chosen, prints, read_kept())
+    made = chosen if options.nightly or options.proofs else to_make(chosen, prints)
     for proof in chosen:
         if proof not in made:
             console.print(f"{proof.name}: not made again: nothing changed since (--nightly makes it)")
@@ -184,8 +175,9 @@ def main(arguments: list[str] | None = None) -> int:
     all_ran = len(made) == len(everything)
     sentences = differences(results, places, all_ran) + (unreached(results, functions) if all_ran else [])
     sentences += _page(page_blocks(everything, places, functions), options.write)
-    if options.write and not sentences:
-        keep(results, prints)
+    if not sentences:
+        kept.note_passed((kept_name(result.proof), prints[result.proof.name]) for result in results)
+        kept.drop(kept_name(Proof("", "", "")), map(kept_name, everything))
     for sentence in sentences:
         errors.print(f"error: {sentence}", markup=False)
     return int(bool(sentences))

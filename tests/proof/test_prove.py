@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import kept
 from tests.needs import need
 from tests.proof.frama_c import (
     ROOT,
@@ -28,9 +29,7 @@ from tests.proof.prove import (
     Unreached,
     _page,
     differences,
-    keep,
     page_blocks,
-    read_kept,
     read_not_proved,
     read_proofs,
     to_make,
@@ -157,43 +156,33 @@ def test_a_function_that_no_proof_reaches_must_be_listed() -> None:
     assert len(unreached(proved, [Unreached(("seal_actuation",), ("motor",), "why")])) == 2
 
 
-def test_a_long_proof_is_made_again_if_and_only_if_something_it_depends_on_has_changed(tmp_path: Path) -> None:
-    generate()
+def test_a_proof_is_made_again_if_and_only_if_something_it_depends_on_has_changed(
+    frama_c: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     core = tmp_path / "core"
     shutil.copytree(ROOT / "shared" / "core", core)
-    long = dataclasses.replace(PROOF, long=True)
-    keep(
-        [Result(long), Result(dataclasses.replace(PROOF, name="loop"))],
-        {"bridge": fingerprint(long, core), "loop": "x"},
-        tmp_path / "kept.json",
-    )
-    kept = read_kept(tmp_path / "kept.json")
-    assert set(kept) == {"bridge"}
+    before = fingerprint(PROOF, core)
+    monkeypatch.setattr(kept, "has_passed", lambda name, inputs: (name, inputs) == ("proof: bridge", before))
 
     def made(proof: Proof) -> bool:
-        return to_make([proof], {proof.name: fingerprint(proof, core)}, kept) == [proof]
+        return to_make([proof], {proof.name: fingerprint(proof, core)}) == [proof]
 
-    assert not made(long)
-    assert made(PROOF)  # a short one is made each time
-    assert made(dataclasses.replace(long, options=("-eva-precision 3",)))
+    assert not made(PROOF)
+    assert made(dataclasses.replace(PROOF, options=("-eva-precision 3",)))
     for path in (core / "src" / "robot" / "robot.c", core / "include" / "omni" / "robot.h"):
         text = path.read_text(encoding="utf-8")
         path.write_text(text.replace("\n", "\n\n/* Another comment. */\n", 1), encoding="utf-8")
-        assert not made(long)
+        assert not made(PROOF)
         path.write_text(f"{text}\nextern int another;\n", encoding="utf-8")
-        assert made(long)
+        assert made(PROOF)
         path.write_text(text, encoding="utf-8")
     (core / "src" / "robot" / "more.c").write_text("int more;\n", encoding="utf-8")
-    assert made(long)
+    assert made(PROOF)
 
 
 def test_comments_do_not_count_but_strings_and_what_frama_c_reads_do() -> None:
     text = """a = '"'; /* b's */ c("/* d */", '\\''); // e\n\n  /*@ assert f; */ //@ g\nh"""
     assert without_comments(text) == """a = '"'; c("/* d */", '\\'');\n/*@ assert f; */ //@ g\nh"""
-
-
-def test_what_is_kept_is_for_long_proofs_alone() -> None:
-    assert set(read_kept()) == {proof.name for proof in read_proofs() if proof.long}
 
 
 def test_reached_functions_are_read_from_the_log() -> None:

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: MIT
+"""A check is left out if it has passed for the same content, and only then."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from tests import kept
+from tests.kept import IGNORE, VARIABLE, WRITE, drop, has_passed, note_passed, source_digest
+
+
+@pytest.fixture(autouse=True)
+def usual_mode(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+
+
+def test_what_passed_is_left_out_for_these_inputs_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "kept.txt"
+    note_passed([("proof: a", "1" * 20)], file)
+    assert not file.exists()  # nothing is written unasked
+    monkeypatch.setenv(VARIABLE, WRITE)
+    note_passed([("proof: a", "1" * 20), ("proof: b", "2" * 20)], file)
+    assert has_passed("proof: a", "1" * 20, file)
+    assert not has_passed("proof: a", "2" * 20, file)
+    assert not has_passed("proof: ab", "1" * 20, file)
+    note_passed([("proof: a", "3" * 20)], file)
+    assert not has_passed("proof: a", "1" * 20, file)
+    assert has_passed("proof: b", "2" * 20, file)
+    drop("proof: ", ["proof: a"], file)
+    assert file.read_text() == "3" * 20 + " proof: a\n"
+    monkeypatch.setenv(VARIABLE, IGNORE)
+    assert not has_passed("proof: a", "3" * 20, file)
+    monkeypatch.setenv(VARIABLE, "wrote")
+    with pytest.raises(ValueError, match="wrote"):
+        has_passed("proof: a", "3" * 20, file)
+
+
+def tree(folder: Path) -> Path:
+    """Return a source that includes a header of another folder, and through it one beside that."""
+    files = {
+        "src/a.c": '#include <outer.h>\n#include <stdio.h>\n#include "version_gen.h"\n',
+        "include/outer.h": '#  include "inner.h"\n',
+        "include/inner.h": "extern int inner;\n",
+        "include/other.h": "extern int other;\n",
+        "include/version_gen.h": "#define COMMIT 1\n",
+    }
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder / "src" / "a.c"
+
+
+def digest_of(source: Path, *more: str, flags: tuple[str, ...] = ("-O2",)) -> str:
+    kept._read.cache_clear()
+    folder = source.parents[1]
+    command = ["/bin/cc", *flags, f"-I{folder}/include", "-o", f"{folder}/a.o", "-c", str(source)]
+    return source_digest(source, command, folder, *more)
+
+
+def test_a_source_is_known_by_all_that_it_includes_and_its_flags_and_not_by_its_place(tmp_path: Path) -> None:
+    source = tree(tmp_path / "one")
+    before = digest_of(source, "version 1")
+    assert digest_of(tree(tmp_path / "two"), "version 1") == before
+    assert digest_of(source, "version 2") != before
+    assert digest_of(source, "version 1", flags=("-O3",)) != before
+    for name, matters in (("a.c", True), ("inner.h", True), ("other.h", False), ("version_gen.h", False)):
+        path = next((tmp_path / "one").rglob(name))
+        text = path.read_text()
+        path.write_text(f"{text}// more\n")
+        assert (digest_of(source, "version 1") != before) == matters, name
+        path.write_text(text)
+    (tmp_path / "one" / "src" / "outer.h").write_text("")  # hides the other one
+    assert digest_of(source, "version 1") != before
+
+
+def test_branches_that_both_keep_something_merge(tmp_path: Path) -> None:
+    def git(*words: str) -> None:
+        who = ["-c", "user.name=a", "-c", "user.email=a@b"]
+        subprocess.run(["git", "-C", str(tmp_path), *who, *words], check=True, capture_output=True)
+
+    def write(row: str, branch: str) -> None:
+        git("checkout", "-q", "-b", branch, "start")
+        (tmp_path / "tests" / "kept.txt").write_text(f"{row} one\n2 two\n")
+        git("commit", "-q", "-a", "-m", row)
+
+    (tmp_path / "tests").mkdir()
+    (tmp_path / ".gitattributes").write_bytes((kept.ROOT / ".gitattributes").read_bytes())
+    (tmp_path / "tests" / "kept.txt").write_text("1 one\n2 two\n")
+    git("init", "-q", "-b", "start")
+    git("add", ".")
+    git("commit", "-q", "-m", "start")
+    write("3", "left")
+    write("4", "right")
+    git("merge", "-q", "left")
+    assert set((tmp_path / "tests" / "kept.txt").read_text().splitlines()) == {"3 one", "4 one", "2 two"}
