@@ -167,7 +167,10 @@ firmware-memory: setup firmware
 
 # What tests/kept.txt says of these sources, brought up to date: see docs/checks/testing.md.
 kept: export OMNI_KEPT = write
-kept: prove
+kept: export LINT_QUICK = 1
+kept: $(VENV)/stamp-lint
+	$(MAKE) prove
+	.ci/lint-c $(VENV)
 
 firmware-build-check: setup $(VENV)/stamp-platformio
 	.ci/firmware $(VENV)

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 import subprocess
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 
 from tests import kept
 from tests.kept import IGNORE, VARIABLE, WRITE, drop, has_passed, note_passed, source_digest
+from tests.structure import c_lint
 
 
 @pytest.fixture(autouse=True)
@@ -74,6 +77,46 @@ def test_a_source_is_known_by_all_that_it_includes_and_its_flags_and_not_by_its_
         path.write_text(text)
     (tmp_path / "one" / "src" / "outer.h").write_text("")  # hides the other one
     assert digest_of(source, "version 1") != before
+
+
+def test_a_file_that_has_passed_is_not_shown_to_clang_tidy_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    build, sources = tmp_path / "build", [tmp_path / f"{name}.c" for name in "abcdef"]
+    build.mkdir()
+    for source in sources:
+        source.write_text(f"int {source.stem};\n")
+    rows = [{"file": str(path), "directory": str(tmp_path), "command": f"cc -c {path}"} for path in sources]
+    (build / "compile_commands.json").write_text(json.dumps(rows))
+    (tmp_path / ".clang-tidy").write_text("Checks: one\n")
+    tool = tmp_path / "bin" / "clang-tidy"
+    tool.parent.mkdir()
+    tool.write_text(
+        f'#!/bin/sh\n[ "$1" = --version ] && exit\nshift 3\necho "$@" >>{tmp_path}/log\n! grep -l wrong "$@"\n'
+    )
+    tool.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tool.parent}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setattr(c_lint, "ROOT", tmp_path)
+    file = tmp_path / "kept.txt"
+    for function in (kept.has_passed, kept.note_passed, kept.drop):
+        monkeypatch.setattr(function, "__defaults__", (file,))
+    monkeypatch.setenv(VARIABLE, WRITE)
+
+    def run() -> tuple[bool, set[str]]:
+        kept._read.cache_clear()
+        (tmp_path / "log").write_text("")
+        good = c_lint.clang_tidy(build, ())
+        return good, {path.name for path in sources if str(path) in (tmp_path / "log").read_text()}
+
+    assert run() == (True, {"a.c", "b.c", "c.c", "d.c", "e.c", "f.c"})
+    assert run() == (True, set())
+    sources[0].write_text("int wrong;\n")
+    assert run() == (False, {"a.c"})
+    assert run() == (False, {"a.c"})  # a complaint is not kept
+    sources[0].write_text("int a;\n")
+    assert run() == (True, set())
+    (tmp_path / ".clang-tidy").write_text("Checks: two\n")
+    assert len(run()[1]) == 6
 
 
 def test_branches_that_both_keep_something_merge(tmp_path: Path) -> None:
