@@ -171,6 +171,7 @@ kept: export LINT_QUICK = 1
 kept: $(VENV)/stamp-lint
 	$(MAKE) prove
 	.ci/lint-c $(VENV)
+	$(MAKE) firmware-build-check firmware-check
 
 firmware-build-check: setup $(VENV)/stamp-platformio
 	.ci/firmware $(VENV)

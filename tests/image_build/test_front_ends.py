@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from tests import kept
 from tests.image_build import front_ends
 from tests.image_build.front_ends import DatabaseError, FrontEnd, Source, complaints, own_sources
 
@@ -45,26 +46,41 @@ def test_a_warning_and_an_error_are_complaints_and_clean_code_is_none(tmp_path: 
         "clean.c": "int main(void) { return 0; }\n",
         "warned.c": "int main(void) { int never_used; return 0; }\n",
         "refused.c": "int main(void) { return }\n",
-        "not_taken.cpp": "this is no program\n",
     }
     sources = []
     for name, text in texts.items():
         (tmp_path / name).write_text(text)
         sources.append(Source(tmp_path / name, "cc", ("-c", str(tmp_path / name))))
-    found = complaints(host_compiler(), sources, tmp_path / "objects")
-    assert len(found) == 2
-    assert "warned.c" in found[0]
-    assert "never_used" in found[0]
-    assert "refused.c" in found[1]
+    clean, warned, refused = complaints(host_compiler(), sources, tmp_path / "objects")
+    assert clean == ""
+    assert "warned.c" in warned
+    assert "never_used" in warned
+    assert "refused.c" in refused
+
+
+def test_only_what_the_front_end_takes_and_what_has_not_passed_is_compiled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sources = [Source(front_ends.ROOT / name, "cc", ("-c",)) for name in ("a.c", "b.c", "c.cpp")]
+    compiled: list[str] = []
+
+    def complaints_of(_: FrontEnd, wanted: list[Source], __: Path) -> list[str]:
+        compiled.extend(source.path.name for source in wanted)
+        return [""] * len(wanted)
+
+    monkeypatch.setattr(front_ends, "complaints", complaints_of)
+    monkeypatch.setattr(kept, "has_passed", lambda name, _: name == "cc: b.c")
+    assert front_ends.check(host_compiler(), sources, "cc==1") == []
+    assert compiled == ["a.c"]
 
 
 def test_any_complaint_ends_the_step(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(front_ends, "installed", lambda *_: tmp_path)
     monkeypatch.setattr(front_ends, "newer_gcc", lambda _: host_compiler())
     monkeypatch.setattr(front_ends, "newer_clang", lambda _: host_compiler())
-    monkeypatch.setattr(front_ends, "complaints", lambda *_: [])
+    monkeypatch.setattr(front_ends, "check", lambda *_: [])
     arguments = [str(database(tmp_path, FILES))]
     assert front_ends.main(arguments) == 0
     answers = iter([["firmware/app/a.c: refused"], []])
-    monkeypatch.setattr(front_ends, "complaints", lambda *_: next(answers))
+    monkeypatch.setattr(front_ends, "check", lambda *_: next(answers))
     assert front_ends.main(arguments) == 1
