@@ -169,7 +169,7 @@ firmware-memory: setup firmware
 kept: export OMNI_KEPT = write
 kept: export LINT_QUICK = 1
 kept: $(VENV)/stamp-lint
-	$(MAKE) prove
+	$(MAKE) prove core-checks fuzz
 	.ci/lint-c $(VENV)
 	$(MAKE) firmware-build-check firmware-check
 
@@ -226,7 +226,8 @@ prove: setup
 	$(BIN)/python -m tests.proof.prove $(ARGS)
 
 core-checks: $(VENV)/stamp-tools
-	PYTHON=$(BIN)/python .ci/core-checks
+	PYTHON=$(BIN)/python $(BIN)/python -m tests.kept core-checks --of shared --of .ci/core-checks \
+	  --tool gcc --tool clang --tool arm-none-eabi-gcc -- .ci/core-checks
 
 sanitize: setup
 	.ci/sanitize $(VENV) $(ARGS)

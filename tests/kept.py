@@ -7,16 +7,24 @@ tests/kept.txt has a line for each: the digest of the inputs, and the check's na
     ignore      every check is made, as in `make nightly`
     write       as if not set; what passes gets a line, in place of the name's old ones (`make kept`)
 
+A command is kept by the content of files and folders, and its tools' versions:
+
+    python -m tests.kept NAME --of PATH ... [--tool PROGRAM ...] -- COMMAND ...
+
 Git may join the lines of two branches (`merge=union`): each is true by itself.
 """
 
 from __future__ import annotations
 
+import argparse
 import hashlib
+import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
+import sys
 from collections.abc import Iterable, Sequence
 from functools import cache
 from pathlib import Path
@@ -45,6 +53,17 @@ def digest(*parts: str | bytes) -> str:
         content = part.encode() if isinstance(part, str) else part
         state.update(f"{len(content)}:".encode() + content)
     return state.hexdigest()[:DIGITS]
+
+
+def files_digest(paths: Iterable[Path]) -> str:
+    """Return a digest of these files, and of all files in these folders, with their names."""
+    parts: list[str | bytes] = []
+    for top in paths:
+        found = [top] if top.is_file() else sorted(top.rglob("*"))
+        for path in found:
+            if path.is_file() and "__pycache__" not in path.parts:
+                parts += [str(path.relative_to(top.parent)), path.read_bytes()]
+    return digest(*parts)
 
 
 def has_passed(name: str, inputs: str, file: Path = FILE) -> bool:
@@ -133,8 +152,6 @@ def source_digest(source: Path, command: Sequence[str], directory: Path, *more: 
 
 def compiled_sources(database: Path) -> dict[Path, tuple[list[str], Path]]:
     """Return command and folder by the source files of a compile_commands.json."""
-    import json
-
     entries = json.loads(database.read_text(encoding="utf-8"))
     return {Path(entry["file"]): (shlex.split(entry["command"]), Path(entry["directory"])) for entry in entries}
 
@@ -142,3 +159,30 @@ def compiled_sources(database: Path) -> dict[Path, tuple[list[str], Path]]:
 def version_of(*command: str) -> str:
     """Return what a tool says of its version."""
     return subprocess.run([*command, "--version"], capture_output=True, text=True, check=True).stdout
+
+
+def main(arguments: list[str]) -> int:
+    """Run a command unless it has passed for the same content; return its exit code."""
+    at = arguments.index("--") if "--" in arguments else len(arguments)
+    parser = argparse.ArgumentParser(description="Run a command unless it has passed.", usage="%(prog)s ... -- COMMAND")
+    parser.add_argument("name")
+    parser.add_argument("--of", type=Path, action="append", required=True, help="file or folder whose content counts")
+    parser.add_argument("--tool", action="append", default=[], help="whose version counts")
+    options, command = parser.parse_args(arguments[:at]), arguments[at + 1 :]
+    missing = [path for path in options.of if not path.exists()]
+    if not command or missing:
+        parser.error(f"there is no {missing[0]}" if missing else "which command? behind --")
+    complete = all(map(shutil.which, options.tool))
+    versions = [version_of(tool) for tool in options.tool] if complete else []
+    inputs = digest(files_digest(options.of), *versions, *command)
+    if complete and has_passed(options.name, inputs):
+        sys.stdout.write(f"{options.name}: not made again, it has passed ({VARIABLE}={IGNORE} makes it)\n")
+        return 0
+    status = subprocess.run(command, check=False).returncode
+    if complete and status == 0:
+        note_passed([(options.name, inputs)])
+    return status
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -3,9 +3,10 @@
 
 usage: python -m tests.fuzz.corpus [--make SECONDS] [TARGET...]
 
-A replay (`make fuzz` does one) runs every kept input and fails if fewer places of a folder are reached than its floor
-says. A place is a line of source on which an edge of the program's flow ends. --make searches for so long per target
-with libFuzzer, from what is there, and keeps the smallest set that reaches all that was reached.
+A replay runs every kept input and fails if fewer places of a folder are reached than its floor says. `make fuzz` does
+one, unless it has passed (tests/kept.py). A place is a line of source on which an edge of the program's flow ends.
+--make searches for so long per target with libFuzzer, from what is there, and keeps the smallest set that reaches all
+that was reached.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
+from tests import kept
 from tests.fuzz import fuzz
 
 KEPT = Path(__file__).parent / "corpus"
@@ -166,11 +168,20 @@ def main() -> int:
         for target in targets:
             make(target, options.make, options.seed)
         return 0
+    name, inputs = "fuzz: kept inputs", kept.digest(fuzz.sources_digest(), kept.files_digest([KEPT, Path(__file__)]))
+    if not options.targets and kept.has_passed(name, inputs):
+        sys.stdout.write(
+            f"kept inputs: not run again: nothing changed since ({kept.VARIABLE}={kept.IGNORE} runs them)\n"
+        )
+        return 0
     fuzz.build([f"seeded_{target}" for target in targets])
     places = replay(targets)
     if places is None:
         return 1
-    return 0 if check_floors(places) or options.targets else 1
+    good = check_floors(places)
+    if good and not options.targets:
+        kept.note_passed([(name, inputs)])
+    return 0 if good or options.targets else 1
 
 
 if __name__ == "__main__":

@@ -3,7 +3,8 @@
 
 usage: python -m tests.fuzz.fuzz [--bytes N] [--seconds N] [--seed N] [TARGET...]
 
-Without --seconds every target gets a seeded run of --bytes bytes. With it, libFuzzer searches for that long per target,
+Without --seconds every target gets a seeded run of --bytes bytes, unless the same run of the same sources has passed
+(tests/kept.py). With it, libFuzzer searches for that long per target,
 from the corpus it leaves in build/fuzz/corpus; the reader of robot files, which is Python, has its seeded run all the
 same. What breaks a promise stays in build/fuzz/findings; build/fuzz/tests/fuzz/seeded_TARGET FILE runs it again.
 """
@@ -22,6 +23,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from tests import kept
+
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "fuzz"
 BUILDS = {"sanitizers": BUILD, "nothing": ROOT / "build" / "fuzz-plain", "coverage": ROOT / "build" / "fuzz-coverage"}
@@ -35,6 +38,12 @@ TARGETS = ("app", "sequence", "parser", "params_file", "store", ROBOT_FILE)
 SHARES = {"app": 0.5, "sequence": 0.5, "parser": 0.5, "params_file": 0.1, "store": 0.5, ROBOT_FILE: 1.0}
 """Bytes of a target per byte asked for: a byte of one costs more time than one of the other."""
 DEFAULT_BYTES = 4_000_000
+GENERATED = ("omni_tables", "omni_mavlink", "omni_version")
+BUILT_FROM = ("firmware/", "shared/", "tests/fuzz/", "build/")
+"""Where the sources of the fuzzers are; the simulated world is not in them."""
+SETTINGS = ("tests/fuzz/CMakeLists.txt", "cmake/flags.cmake")
+READER = ("shared/generate/omni_schema", "shared/robots", "shared/params.toml", "shared/world.toml")
+"""What the reader of robot files consists of, and what it reads."""
 FIRST_INPUTS = 100
 
 
@@ -60,6 +69,23 @@ def build(targets: Sequence[str] = ("fuzzers",), built_with: str = "sanitizers")
     configure = ["cmake", "-S", str(ROOT), "-B", str(folder), "-G", "Ninja", *settings]
     for command in (configure, ["cmake", "--build", str(folder), "--target", *targets]):
         subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
+
+
+def sources_digest() -> str:
+    """Return a digest of all that the fuzzers are built from. Builds the generated headers, which are a part of it."""
+    build(GENERATED)
+    sources = kept.compiled_sources(BUILD / "compile_commands.json")
+    ours = [path for path in sorted(sources) if str(path.relative_to(ROOT)).startswith(BUILT_FROM)]
+    texts = [(ROOT / name).read_text(encoding="utf-8") for name in SETTINGS]
+    return kept.digest(kept.version_of("clang"), *texts, *(kept.source_digest(path, *sources[path]) for path in ours))
+
+
+def run_digest(target: str, seed: int, size: int, sources: str) -> str:
+    """Return a digest of all that the outcome of a seeded run depends on."""
+    if target == ROBOT_FILE:
+        here = Path(__file__).with_name(f"{ROBOT_FILE}.py")
+        sources = sys.version + kept.files_digest([here, *(ROOT / name for name in READER)])
+    return kept.digest(target, str(seed), str(size), sources)
 
 
 def seeded_command(target: str, seed: int, size: int) -> list[str]:
@@ -124,14 +150,29 @@ def main() -> int:
     missing = missing_tools()
     if missing:
         parser.error(f"{' and '.join(missing)} missing (Debian: apt-get install clang libclang-rt-dev)")
-    build(["fuzzers"] if options.seconds is not None else [f"seeded_{t}" for t in TARGETS if t != ROBOT_FILE])
+    searches = options.seconds is not None
+    sources = sources_digest() if not searches else ""
+    sizes = {target: int(options.bytes * SHARES[target]) for target in options.targets or TARGETS}
+    names = {target: f"fuzz: {target}, seed {options.seed}, {size} bytes" for target, size in sizes.items()}
+    inputs = {target: run_digest(target, options.seed, size, sources) for target, size in sizes.items()}
+    wanted = [t for t in sizes if (searches and t != ROBOT_FILE) or not kept.has_passed(names[t], inputs[t])]
+    for target in sizes:
+        if target not in wanted:
+            sys.stdout.write(
+                f"{target}: not run again: nothing changed since ({kept.VARIABLE}={kept.IGNORE} runs it)\n"
+            )
+    seeded = [f"seeded_{target}" for target in wanted if target != ROBOT_FILE]
+    if seeded:
+        build(["fuzzers"] if searches else seeded)
     good = True
-    for target in options.targets or TARGETS:
-        if options.seconds is None or target == ROBOT_FILE:
-            command = seeded_command(target, options.seed, int(options.bytes * SHARES[target]))
+    for target in wanted:
+        if not searches or target == ROBOT_FILE:
+            if run(target, seeded_command(target, options.seed, sizes[target])):
+                kept.note_passed([(names[target], inputs[target])])
+            else:
+                good = False
         else:
-            command = search_command(target, options.seed, options.seconds)
-        good = run(target, command) and good
+            good = run(target, search_command(target, options.seed, options.seconds)) and good
     return 0 if good else 1
 
 

@@ -119,6 +119,28 @@ def test_a_file_that_has_passed_is_not_shown_to_clang_tidy_again(
     assert len(run()[1]) == 6
 
 
+def test_a_command_is_run_until_it_has_passed_for_these_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, WRITE)
+    for function in (kept.has_passed, kept.note_passed):
+        monkeypatch.setattr(function, "__defaults__", (tmp_path / "kept.txt",))
+    folder, runs = tmp_path / "folder", tmp_path / "runs"
+    folder.mkdir()
+    command = ["sh", "-c", f"echo x >>{runs}; ! grep -rq wrong {folder}"]
+
+    def run(content: str, tool: str = "git") -> tuple[int, int]:
+        (folder / "file").write_text(content)
+        runs.write_text("")
+        return kept.main(["name", "--of", str(folder), "--tool", tool, "--", *command]), len(runs.read_text().split())
+
+    assert run("wrong") == (1, 1)
+    assert run("wrong") == (1, 1)
+    assert run("right") == (0, 1)
+    assert run("right") == (0, 0)
+    assert run("right", tool="no-such-tool") == (0, 1)  # what it has not seen cannot be kept
+    (folder / "file").rename(folder / "other")
+    assert run("right") == (0, 1)
+
+
 def test_branches_that_both_keep_something_merge(tmp_path: Path) -> None:
     def git(*words: str) -> None:
         who = ["-c", "user.name=a", "-c", "user.email=a@b"]
