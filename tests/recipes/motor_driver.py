@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
+from omni_schema.toml_file import read_toml
 from omniwheel.firmware_process import FirmwareProcess
 from tests.firmware.client import Client, Firmware, connect, mav
 from tests.recipes.drive import ESTOP_AT_5_S, drive, scenario
 from tests.recipes.recipe import Scratch
 
-NUMBER = 3
 STEPS = 4096
 DUTIES = (0.25, -0.5, 0.0)
 PINS = [STEPS * 5 // 8, STEPS, STEPS // 4, STEPS, STEPS // 2, STEPS, 0, 0]
@@ -27,9 +27,9 @@ def robot_file(copy: Scratch) -> str:
     return str(path)
 
 
-def look_at_the_pins(robot: Client) -> None:
-    """Duties come out at the pins, and a stop has them low in its own tick."""
-    assert robot.set("MOT_DRIVER", NUMBER) == NUMBER
+def look_at_the_pins(robot: Client, number: int) -> None:
+    """Duties come out at the pins, and a stop has them low in its own tick; the driver has this number."""
+    assert robot.set("MOT_DRIVER", number) == number
     robot.armed()
     robot.mav.omni_setpoint_duty_send(1, 1, [*DUTIES, 0.0])
     tick = robot.ticks(4)[-1]
@@ -41,11 +41,12 @@ def look_at_the_pins(robot: Client) -> None:
 
 def check(copy: Scratch) -> None:
     """Look at the pins of the firmware, then drive with it in the simulated world until an emergency stop."""
+    drivers = read_toml(copy.root / "shared" / "params.toml")["motor_drivers"]
     program = copy.packages() / "omniwheel" / "bin" / "omni-firmware"
     with FirmwareProcess(lockstep=True, program=program) as firmware:
         robot = connect(Firmware(None, list(firmware.links)))
         try:
-            look_at_the_pins(robot)
+            look_at_the_pins(robot, list(drivers).index("antiphase"))
         finally:
             robot.socket.close()
     path = robot_file(copy)

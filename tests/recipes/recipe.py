@@ -1,13 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Follows the recipe of a page of docs/how-to-add in a scratch copy of the repository: copy, edit, count, build, drive.
 
-A page says what to do in three kinds of sentences, and the test does just that:
+A page says what to do in a few kinds of sentences, and the test does just that:
 
 - "Create `path`:", then a block of code: a new file.
-- "In `path`, add below the line that begins with `text`:", then a block of code.
+- "In `path`, add below the line that begins with `text`:", or "below the last line", or "above the line", or
+  "at the end of the table `[name]`:", then a block of code.
+- "In `path`, add `entry` at the end of `list` of `NAME`": a list within one line of a TOML file.
 - "In `path`, put `new` in place of `old`."
 
-Everything else on the page is for the reader.
+``N`` as a number stands for the number after the largest one there. Everything else on the page is for the reader.
 """
 
 from __future__ import annotations
@@ -18,7 +20,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import zip_longest
 from pathlib import Path
 
@@ -28,7 +30,9 @@ NOT_COUNTED = ("docs/", "tests/", "CHANGELOG.md")
 """Where an extension may touch what it likes."""
 
 _CREATE = re.compile(r"Create `([^`]+)`:$")
-_BELOW = re.compile(r"In `([^`]+)`, add below the line that begins with `([^`]+)`:$")
+_LINE = re.compile(r"In `([^`]+)`, add (above|below) the (last )?line that begins with `([^`]+)`:$")
+_TABLE = re.compile(r"In `([^`]+)`, add at the end of the table `([^`]+)`:$")
+_LIST = re.compile(r"[Ii]n `([^`]+)`, add `([^`]+)` at the end of `([^`]+)` of `([^`]+)`")
 _REPLACE = re.compile(r"[Ii]n `([^`]+)`, put `([^`]+)` in place of `([^`]+)`")
 _CODE = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
@@ -39,34 +43,66 @@ class RecipeError(Exception):
 
 @dataclass(frozen=True)
 class Edit:
-    """One step: ``old`` "" creates the file or adds below the line that begins with ``below``."""
+    """One step. ``where`` says what ``mark`` is: create, replace, above, below, last (line), table, or a list."""
 
     path: str
     new: str
-    old: str = ""
-    below: str = ""
+    where: str = "create"
+    mark: str = ""
 
     def apply(self, root: Path) -> None:
         """Do it. Raises RecipeError if the file is not as the page says."""
         path = root / self.path
-        if not self.old and not self.below:
+        if self.where == "create":
             if path.exists():
                 raise RecipeError(f"{self.path} is there already")
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(self.new, encoding="utf-8")
             return
         text = path.read_text(encoding="utf-8")
-        if self.old:
-            if text.count(self.old) != 1:
-                raise RecipeError(f"{self.path} has '{self.old}' {text.count(self.old)} times")
-            path.write_text(text.replace(self.old, self.new), encoding="utf-8")
+        if self.where == "replace":
+            if text.count(self.mark) != 1:
+                raise RecipeError(f"{self.path} has '{self.mark}' {text.count(self.mark)} times")
+            path.write_text(text.replace(self.mark, self.new), encoding="utf-8")
             return
         lines = text.splitlines(keepends=True)
-        places = [number for number, line in enumerate(lines) if line.lstrip().startswith(self.below)]
-        if len(places) != 1:
-            raise RecipeError(f"{self.path} has {len(places)} lines that begin with '{self.below}'")
-        lines.insert(places[0] + 1, self.new)
+        if self.where in ("above", "below", "last", "table"):
+            new = self.new.replace('id="N"', f'id="{_next(re.findall(r"<message id=.([0-9]+)", text))}"')
+            lines.insert(self._place(lines), new)
+        else:
+            self._add_to_list(lines)
         path.write_text("".join(lines), encoding="utf-8")
+
+    def _place(self, lines: Sequence[str]) -> int:
+        """Return before which line the new ones come."""
+        places = [number for number, line in enumerate(lines) if line.lstrip().startswith(self.mark)]
+        if not places or (len(places) > 1 and self.where != "last"):
+            raise RecipeError(f"{self.path} has {len(places)} lines that begin with '{self.mark}'")
+        if self.where == "above":
+            return places[0]
+        if self.where == "table":
+            return next((n for n in range(places[0] + 1, len(lines)) if not lines[n].strip()), len(lines))
+        return places[-1] + 1
+
+    def _add_to_list(self, lines: list[str]) -> None:
+        places = [number for number, line in enumerate(lines) if line.startswith(f"{self.mark} =")]
+        found = re.search(rf"\b{self.where} = {{ (.*?) }}", lines[places[0]]) if len(places) == 1 else None
+        if found is None:
+            raise RecipeError(f"{self.path} has no list '{self.where}' of '{self.mark}'")
+        entry = re.sub(r"\bN$", str(_next(re.findall(r"= ([0-9]+)", found[1]))), self.new)
+        line = lines[places[0]]
+        lines[places[0]] = f"{line[: found.end(1)]}, {entry}{line[found.end(1) :]}"
+
+    def renamed(self, names: Mapping[str, str]) -> Edit:
+        """Return the same step for something of another name."""
+        path, new = self.path, self.new
+        for before, after in names.items():
+            path, new = path.replace(before, after), new.replace(before, after)
+        return replace(self, path=path, new=new)
+
+
+def _next(numbers: Sequence[str]) -> int:
+    return max(map(int, numbers), default=0) + 1
 
 
 def read_page(text: str) -> list[Edit]:
@@ -78,11 +114,14 @@ def read_page(text: str) -> list[Edit]:
         for paragraph in _paragraphs(prose):
             if waiting:
                 raise RecipeError(f"no code follows on what {waiting[0].path} is to be given")
-            edits += [Edit(found[1], found[2], old=found[3]) for found in _REPLACE.finditer(paragraph)]
+            edits += [Edit(found[1], found[2], "replace", found[3]) for found in _REPLACE.finditer(paragraph)]
+            edits += [Edit(found[1], found[2], found[3], found[4]) for found in _LIST.finditer(paragraph)]
             if found := _CREATE.search(paragraph):
                 waiting.append(Edit(found[1], code or ""))
-            elif found := _BELOW.search(paragraph):
-                waiting.append(Edit(found[1], code or "", below=found[2]))
+            elif found := _LINE.search(paragraph):
+                waiting.append(Edit(found[1], code or "", "last" if found[3] else found[2], found[4]))
+            elif found := _TABLE.search(paragraph):
+                waiting.append(Edit(found[1], code or "", "table", found[2]))
         edits += waiting
     if any(not edit.new for edit in edits):
         raise RecipeError("no code follows on the last of the steps")
@@ -105,6 +144,10 @@ class Scratch:
             if (ROOT / name).is_file():
                 (root / name).parent.mkdir(parents=True, exist_ok=True)
                 shutil.copyfile(ROOT / name, root / name)
+        self._before = self._state()
+
+    def begin(self) -> None:
+        """Count from now on what is touched."""
         self._before = self._state()
 
     def _state(self) -> dict[str, bytes]:
