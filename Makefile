@@ -11,10 +11,9 @@ BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake
 BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
                   \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' -o -name '*.ld' \
                   -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
-C_FILES = $(shell find shared/core shared/link firmware hil_sim host/native tests bench -name '*.[ch]' -o -name '*.[ch]pp')
+C_FILES = $(wildcard $(shell git ls-files --cached --others --exclude-standard '*.c' '*.h' '*.cpp' '*.hpp' '*.ino'))
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto
-PYTHON_DIRS := host hil_sim omni_reproduce shared/generate tests firmware bench docs/_ext docs/conf.py
 
 .PHONY: help setup demo test test-all test-changed lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
         mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly kept clean
@@ -167,10 +166,9 @@ firmware-memory: setup firmware
 
 # What tests/kept.txt says of these sources, brought up to date: see docs/checks/testing.md.
 kept: export OMNI_KEPT = write
-kept: export LINT_QUICK = 1
 kept: $(VENV)/stamp-lint
 	$(MAKE) prove core-checks fuzz
-	.ci/lint-c $(VENV)
+	.ci/lint $(VENV) $(C_FILES)
 	$(MAKE) firmware-build-check firmware-check
 
 firmware-build-check: setup $(VENV)/stamp-platformio
@@ -186,18 +184,12 @@ release: setup wheel
 flash: setup
 	$(BIN)/omni flash --robot $(ROBOT) $(ARGS)
 
-$(VENV)/stamp-lint: pyproject.toml $(VENV)/stamp-install
-	$(PIP) install 'ruff>=0.6' 'mypy>=1.10' 'import-linter>=2.6' 'sphinx>=7.2' pytest hypothesis
+$(VENV)/stamp-lint: pyproject.toml | $(VENV)/stamp-install
+	$(PIP) install --no-build-isolation -e '.[lint]'
 	@touch $@
 
-lint: $(VENV)/stamp-lint lint-page
-	$(BIN)/ruff check $(PYTHON_DIRS)
-	$(BIN)/ruff format --check $(PYTHON_DIRS)
-	$(BIN)/mypy
-	$(BIN)/lint-imports --no-cache
-	$(BIN)/python -m tests.structure.includes
-	$(BIN)/python -m tests.docs.prose
-	.ci/lint-c $(VENV)
+lint: $(VENV)/stamp-lint
+	.ci/lint $(VENV) $(C_FILES)
 
 $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
 	$(PIP) install --no-build-isolation -e '.[docs]'
@@ -209,9 +201,9 @@ docs: $(VENV)/stamp-install $(VENV)/stamp-docs
 	$(BIN)/python docs/_ext/check_pages.py build/docs/html
 
 format: $(VENV)/stamp-lint
-	$(BIN)/ruff check --fix $(PYTHON_DIRS)
-	$(BIN)/ruff format $(PYTHON_DIRS)
-	clang-format -i $(C_FILES)
+	$(BIN)/ruff check --fix
+	$(BIN)/ruff format
+	$(BIN)/clang-format -i $(C_FILES)
 
 parity: setup
 	.ci/parity $(VENV) $(ARGS)

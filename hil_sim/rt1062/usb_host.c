@@ -313,6 +313,7 @@ static rt_usb_answer_t bulk_out(rt1062_t *m) {
         packet[i] = h->to_robot[(h->to_robot_begin + i) % RT_USB_TO_ROBOT];
     }
     const uint32_t toggle = 1u << h->bulk_out;
+    /* cppcheck-suppress uninitvar ; count bytes are read */
     const rt_usb_answer_t answer = rt_usb_out(m, h->address, h->bulk_out, (h->toggle & toggle) != 0, packet, count);
     if (answer == RT_USB_ACK) {
         h->toggle ^= (uint16_t)toggle;

@@ -27,6 +27,7 @@ static hil_result_t protected_tick(hil_world_t *world, const omni_kinematics_t *
     }
     const omni_twist_t known = floor_world == NULL ? true_twist(world) : *floor_world;
     const omni_twist_t floor = omni_twist_to_body(&known, (omni_real_t)world->pose[2]);
+    /* cppcheck-suppress uninitvar ; as many as there are wheels */
     (void)omni_direct_torque_protect(config, k, &floor, wheel_rad_s, torque_N_m);
     for (uint8_t i = 0; i < k->wheels; i++) {
         given_N_m[i] = (double)torque_N_m[i];

@@ -319,6 +319,7 @@ static inline void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
             state->p[b][a] = state->p[a][b];
         }
     }
+    /* cppcheck-suppress uninitvar ; at least three states */
     omni_ekf_shift(state, delta, columns);
 }
 
