@@ -15,7 +15,7 @@ C_FILES = $(wildcard $(shell git ls-files --cached --others --exclude-standard '
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto
 
-.PHONY: help setup demo test test-all test-changed lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
+.PHONY: help setup demo test test-all test-changed ready lint format bench bench-gates sanitize core-checks parity budgets tick-cycles fuzz wheel firmware \
         mutants mutants-sample studio studio-page lint-page docs firmware-check firmware-memory firmware-build-check prove flash release nightly kept clean
 help:
 	@echo 'Begin here'
@@ -28,6 +28,7 @@ help:
 	@echo '  make test         set up, then run the fast tests (make test ARGS="tests/core -k ekf" WORKERS=2)'
 	@echo '  make test-all     and those with processes, browsers, boards, images, commands, recipes'
 	@echo '  make test-changed only those that your change can break'
+	@echo '  make ready        what CI will say about your change: mends what it can, checks, and says what is left'
 	@echo '  make lint         formatters, linters, types, import directions'
 	@echo '  make lint-page    the linter of the studio'\''s page (part of make lint)'
 	@echo '  make format       apply the formatters'
@@ -128,6 +129,9 @@ test-all: setup studio-page
 # What the difference from the main branch can break (make test-changed ARGS="--list").
 test-changed: setup studio-page
 	$(BIN)/python -m tests.changed $(ARGS)
+
+ready: setup
+	$(BIN)/python -m tests.ci.ready $(ARGS)
 
 bench: setup
 	$(BIN)/python -m bench $(ARGS)
