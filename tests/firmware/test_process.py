@@ -8,6 +8,8 @@ import select
 import signal
 import socket
 import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 
@@ -88,11 +90,31 @@ def test_a_port_in_use_is_named() -> None:
     assert str(port) in result.stderr
 
 
+@contextmanager
+def hangup(action: signal.Handlers) -> Iterator[None]:
+    """Start processes with this action for SIGHUP, which they inherit: nohup lets the tests run with it ignored."""
+    before = signal.signal(signal.SIGHUP, action)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 @pytest.mark.parametrize("mode", [["--lockstep"], []])
 def test_signals_end_it_cleanly(number: signal.Signals, mode: list[str]) -> None:
-    with firmware(*mode) as running:
+    with hangup(signal.SIG_DFL), firmware(*mode) as running:
         running.process.send_signal(number)
+        assert running.process.wait(WAIT_S) == 0
+
+
+def test_under_nohup_it_outlives_its_terminal() -> None:
+    with hangup(signal.SIG_IGN), firmware() as running:
+        running.process.send_signal(signal.SIGHUP)
+        robot = connect(running)
+        robot.wait("HEARTBEAT")
+        robot.socket.close()
+        running.process.send_signal(signal.SIGTERM)
         assert running.process.wait(WAIT_S) == 0
 
 
