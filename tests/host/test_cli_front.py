@@ -353,7 +353,7 @@ def test_a_function_that_the_compiled_module_lacks_is_an_old_build() -> None:
     assert stale_build(ImportError("No module named 'optuna'", name="optuna")) is None
 
 
-@pytest.mark.parametrize("command", ["sitl", "emulate"])
+@pytest.mark.parametrize("command", ["sitl", pytest.param("emulate", marks=pytest.mark.needs("arm", "qemu"))])
 def test_a_port_in_use_gets_a_hint(command: str) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         result = CliRunner().invoke(app, [command, "--link", f"tcp:127.0.0.1:{taken.getsockname()[1]}"])
