@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import errno
 import itertools
 import json
 import os
@@ -299,6 +300,16 @@ def test_ctrl_c_while_modules_load_shows_no_traceback(module: str) -> None:
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
     assert "interrupted" in done.stderr
+
+
+def test_a_home_folder_that_cannot_be_written_is_an_error_of_the_completion(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(**_: Any) -> None:
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), "/home/user/.bashrc")
+
+    monkeypatch.setattr("typer.completion.install", refuse)
+    result = CliRunner().invoke(app, ["--install-completion"])
+    assert result.exit_code == 1
+    assert "/home/user/.bashrc: Permission denied" in result.stderr
 
 
 STYLES = re.compile(r"(?<!\\)\[/?(?:bold|cyan|dim|green|red|yellow)?\]")

@@ -81,9 +81,7 @@ class OmniGroup(TyperGroup):
         except MissingFileError as error:
             raise _reported(ctx, error, "", FAILED) from error
         except OSError as error:  # a disk that fails where nobody expects it, also the one behind standard output
-            if error.errno == errno.EPIPE:  # whoever read it has seen enough
-                raise
-            raise _reported(ctx, _of_the_system(error), write_error("", error).hint, FAILED) from error
+            raise _system_error(ctx, error) from error
         except (ImportError, AttributeError) as error:
             said = stale_build(error)
             if said is None:
@@ -95,7 +93,10 @@ class OmniGroup(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
-        return super().parse_args(ctx, _signing_key_first(args))
+        try:
+            return super().parse_args(ctx, _signing_key_first(args))
+        except OSError as error:  # --install-completion writes into the home folder
+            raise _system_error(ctx, error) from error
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command, by its old name, too."""
@@ -114,9 +115,11 @@ def _line_of(entry: Entry) -> TyperCommand:
     return TyperCommand(entry.name, help=entry.summary, rich_help_panel=entry.group, callback=None)
 
 
-def _of_the_system(error: OSError) -> OmniError:
+def _system_error(ctx: typer.Context, error: OSError) -> typer.Exit:
+    if error.errno == errno.EPIPE:  # the reader of the output has closed it
+        raise error
     where = f"{error.filename}: " if error.filename else ""
-    return OmniError(f"{where}{error.strerror or error}")
+    return _reported(ctx, OmniError(f"{where}{error.strerror or error}"), write_error("", error).hint, FAILED)
 
 
 def _signing_key_first(args: list[str]) -> list[str]:
