@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import signal
@@ -22,6 +23,7 @@ from tests.needs import need
 
 def _act(what: int) -> int:
     if what == 1:
+        faulthandler.disable()  # it would print the stack of a crash that is wanted
         os.kill(os.getpid(), signal.SIGSEGV)
     if what == 2:
         os._exit(7)
