@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -219,6 +218,6 @@ def _flood(robot: SimulatedRobot) -> None:
 
 
 def _child_of(program: Program) -> int:
-    listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
-    rows = [line.split(maxsplit=2) for line in listed.splitlines()]
-    return next(int(row[0]) for row in rows if int(row[1]) == program.process.pid and " sitl " in row[2])
+    tasks = Path(f"/proc/{program.process.pid}/task").glob("*/children")
+    children = [child for task in tasks for child in task.read_text(encoding="utf-8").split()]
+    return next(int(child) for child in children if b"\0sitl\0" in Path(f"/proc/{child}/cmdline").read_bytes())
