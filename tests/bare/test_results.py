@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import re
+from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
@@ -65,6 +66,11 @@ def test_a_demo_with_a_fault_is_not(tmp_path: Path) -> None:
     assert len(faults_of_demo(PROMISE, run_folder(tmp_path, 0.00228, completed=False))) == 1
     assert len(faults_of_demo(PROMISE, run_folder(tmp_path, 0.00228, picture=b""))) == 1
     assert len(faults_of_demo("", run_folder(tmp_path, 0.00228))) == 1
+
+
+def test_opencv_is_the_one_that_needs_no_screen() -> None:
+    """opencv-python has the same folder as the headless one, and needs libraries of X11."""
+    assert packages_distributions()["cv2"] == ["opencv-python-headless"], "remove .venv; make setup"
 
 
 def test_the_pages_name_one_list_of_packages() -> None:
