@@ -29,6 +29,7 @@ def run(program: Path, *words: str) -> dict[str, list[float]]:
     return build.numbers(build.call([str(program), *words]))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("peer", PEERS)
 def test_a_peers_filters_end_where_ours_do(program: Path, peer: str) -> None:
     ours, theirs = (run(program, f"{name}_pose", str(STEPS)) for name in ("core", peer))

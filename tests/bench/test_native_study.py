@@ -60,6 +60,7 @@ def ready(native: Native) -> Path:
     return built(native)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", SETTINGS)
 @pytest.mark.parametrize("native", DOUBLE, ids=named)
 def test_a_peer_with_given_noise_errs_as_the_script_does(native: Native, name: str) -> None:
@@ -70,6 +71,7 @@ def test_a_peer_with_given_noise_errs_as_the_script_does(native: Native, name: s
     np.testing.assert_allclose(found.rmse, by_numpy(name, runs), rtol=1e-9)
 
 
+@pytest.mark.full
 def test_single_precision_errs_as_the_script_does() -> None:
     found = native_study.run(ready(SINGLE), model("published"), 5, SEED, noise(5))
     assert found.number_bytes == 4
@@ -86,6 +88,7 @@ def test_vectors_of_every_width_draw_and_compute_the_same(native: Native, lanes:
     np.testing.assert_allclose(found.rmse, narrow.rmse, rtol=1e-4)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["published", "honest_b"])
 @pytest.mark.parametrize("native", ALL, ids=named)
 def test_runs_of_a_peer_have_our_rms_errors_on_average(native: Native, name: str) -> None:
@@ -97,6 +100,7 @@ def test_runs_of_a_peer_have_our_rms_errors_on_average(native: Native, name: str
     np.testing.assert_allclose(theirs.std(axis=0), ours.std(axis=0), rtol=0.2)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("native", [PLAIN, SIMD], ids=named)
 def test_the_noise_of_a_peer_is_normal_and_its_runs_share_none(native: Native) -> None:
     runs = 32
@@ -156,6 +160,7 @@ HEADERS = {
 """What the program takes from a C library, which a compiler for another processor may not have."""
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("precision", [(), ("-DSTUDY_SINGLE",)], ids=("double", "single"))
 @pytest.mark.parametrize("compiler", NEON)
 def test_it_compiles_for_neon(compiler: str, precision: tuple[str, ...], tmp_path: Path) -> None:

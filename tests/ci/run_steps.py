@@ -45,6 +45,7 @@ def make(target: str, *after: str, slots: int = 1) -> Step:
 STEPS = (
     Step("setup", "make setup .venv/stamp-docs .venv/stamp-lint .venv/stamp-platformio studio-page", slots=SLOTS),
     make("firmware-build-check"),
+    Step("bare", ".ci/bare", ("setup",)),
     make("firmware-check", "firmware-build-check"),  # both build in .pio
     make("lint"),
     make("sanitize"),

@@ -6,12 +6,15 @@ from __future__ import annotations
 import subprocess
 from pathlib import Path
 
+import pytest
+
 from tests.native import ROOT, generated_dir
 from tests.needs import need
 
 CORE = ROOT / "shared" / "core"
 
 
+@pytest.mark.full
 def test_a_path_is_refused_without_converting_what_does_not_fit(tmp_path: Path) -> None:
     need("clang")
     program = tmp_path / "refused_paths"

@@ -186,6 +186,7 @@ def close(core: Core, other: Reference, used: list[int], of_sd: float, of_p: flo
     np.testing.assert_allclose(core.p[np.ix_(used, used)] / scale, other.p[np.ix_(used, used)] / scale, atol=of_p)
 
 
+@pytest.mark.full
 @pytest.mark.reference
 @pytest.mark.parametrize("rows", [2, 3])
 @pytest.mark.parametrize("mode", [lib.OMNI_EKF_MODE_POSE, lib.OMNI_EKF_MODE_SLIP])

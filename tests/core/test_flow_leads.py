@@ -154,6 +154,7 @@ def test_one_that_died_while_the_robot_stood_does_not_lead() -> None:
     assert drive.error_m < 3.0 * math.sqrt(drive.core.p[0, 0] + drive.core.p[1, 1])
 
 
+@pytest.mark.full
 def test_one_way_that_is_dead_stays_found_while_the_other_fits() -> None:
     """One measuring wheel is off. The robot goes ahead and to the left in turn."""
     drive = proved()
@@ -219,6 +220,7 @@ def test_a_turn_of_the_body_is_no_change_of_speed(turning: float) -> None:
     assert drive.error_m < 0.1
 
 
+@pytest.mark.full
 def test_at_rest_a_drifting_turn_moves_nothing() -> None:
     drive = proved()
     before = drive.core.x

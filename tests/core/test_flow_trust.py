@@ -102,6 +102,7 @@ def test_one_that_points_elsewhere_from_the_start_is_found_and_does_no_harm(degr
     assert np.abs(drive.core.x[3:]).max() < 0.01, "what it taught of slip is forgotten"
 
 
+@pytest.mark.full
 def test_one_that_comes_loose_on_the_way_is_found_and_its_last_metres_are_taken_back() -> None:
     drive = Drive()
     drive.go(10.0)
@@ -131,6 +132,7 @@ def test_one_that_fits_only_now_and_then_is_not_used_for_long() -> None:
     assert not usable[-1]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("slip", [SLIP, np.array([0.1, 0.05, 0.15])], ids=["little slip", "much slip"])
 def test_readings_of_no_sense_do_no_more_harm_than_none(slip: Array) -> None:
     """A sensor that was right has taught what is so: that stays."""

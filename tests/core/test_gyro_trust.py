@@ -83,6 +83,7 @@ def hold(core: Filter, step_rad_s: float, seconds: float) -> tuple[float, int]:
     return heading, refused
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("step_rad_s", [0.03, -0.05, 0.1, 0.19])
 def test_a_bias_that_steps_does_not_turn_a_robot_that_holds_its_heading(step_rad_s: float) -> None:
     core = Filter()

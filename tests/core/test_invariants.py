@@ -65,6 +65,7 @@ def exit_code(program: Path, state: int) -> int:
     return subprocess.run([str(program), str(state)], check=False).returncode
 
 
+@pytest.mark.full
 @pytest.mark.own_build
 def test_what_no_input_can_bring_about_ends_the_program_if_it_is_asked_to(tmp_path: Path) -> None:
     program = built(tmp_path, core_archive())
@@ -72,6 +73,7 @@ def test_what_no_input_can_bring_about_ends_the_program_if_it_is_asked_to(tmp_pa
     assert exit_code(program, 1) == 0
 
 
+@pytest.mark.full
 @pytest.mark.own_build
 def test_it_is_not_looked_for_otherwise(tmp_path: Path) -> None:
     sources = [*sorted((ROOT / "shared" / "core" / "src").glob("*/*.c")), *(generated_dir() / "src").glob("*.c")]

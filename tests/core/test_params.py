@@ -68,6 +68,7 @@ def test_defaults_and_presets_pass_the_check() -> None:
             assert check(index, lib.omni_builtin_robots[robot].values[index]) == lib.OMNI_OK
 
 
+@pytest.mark.full
 @given(indices)
 def test_both_ends_of_the_range_belong_to_it_and_nothing_beyond(index: int) -> None:
     low, high = np.float32(TABLE[index].minimum), np.float32(TABLE[index].maximum)

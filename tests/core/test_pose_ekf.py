@@ -190,6 +190,7 @@ def test_equals_filterpy_without_delay(wheels: int, mode: int) -> None:
             np.testing.assert_allclose(ekf.s.nis, kf.y @ np.linalg.solve(kf.S, kf.y), rtol=2e-3, atol=1e-4)
 
 
+@pytest.mark.full
 @MODES
 @pytest.mark.reference
 @pytest.mark.parametrize("delay", [(0, 1), (4, 5), (20, 21), (13, 60), (180, 250)])

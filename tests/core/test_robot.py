@@ -426,6 +426,7 @@ WILD = st.one_of(
 COUNT = st.one_of(st.integers(-(2**31), 2**31 - 1), st.integers(-20, 20))
 
 
+@pytest.mark.full
 @settings(suppress_health_check=[HealthCheck.data_too_large, HealthCheck.too_slow])
 @given(data=st.data())
 def test_nothing_that_comes_in_breaks_the_promise_of_what_goes_out(data: st.DataObject) -> None:

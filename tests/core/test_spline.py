@@ -102,6 +102,7 @@ def test_it_does_not_stop_at_its_points() -> None:
     assert speeds == pytest.approx(1.0 / PERIOD_S, rel=1e-4)
 
 
+@pytest.mark.full
 def test_it_is_slowed_down_to_what_the_wheels_can_do() -> None:
     fast = spline(WAYPOINTS, 1.0, period_s=0.5, scale=True)
     assert fast.c.scale > 1.0

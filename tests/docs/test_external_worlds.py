@@ -62,6 +62,7 @@ def promised(page: str) -> str:
     return str(re.findall(r"```text\n(path driven in .*?)\n```", page)[0])
 
 
+@pytest.mark.full
 def test_the_example_is_typed_as_it_stands_and_drives_its_circle(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
     (tmp_path / "circle.py").write_text(BLOCKED + code_of(page), encoding="utf-8")
@@ -81,6 +82,7 @@ def test_without_a_firmware_the_example_says_so(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.full
 def test_the_example_in_c_is_typed_as_it_stands_and_drives_its_circle(tmp_path: Path) -> None:
     page = C_PAGE.read_text(encoding="utf-8")
     program = re.search(r"```c\n(.*?)```", page, re.DOTALL)
@@ -91,6 +93,7 @@ def test_the_example_in_c_is_typed_as_it_stands_and_drives_its_circle(tmp_path: 
     assert type_in(shell_of(page, "./circle"), tmp_path).splitlines()[-1] == promised(page)
 
 
+@pytest.mark.full
 def test_the_class_of_the_page_is_a_world(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
     world, use = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[:2]

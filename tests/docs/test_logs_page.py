@@ -15,6 +15,7 @@ from omniwheel.cli import app
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "logs.md"
 
 
+@pytest.mark.full
 def test_the_first_example_needs_the_demo_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     page = PAGE.read_text(encoding="utf-8")
     block = re.search(r"```sh\n(.*?)```", page, re.DOTALL)

@@ -7,6 +7,8 @@ import ast
 import re
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 NAMED = re.compile(r"`(tests/[\w/]+\.py)?(?:::(\w+))?`")
 
@@ -20,6 +22,7 @@ def named_tests() -> list[tuple[Path, str | None]]:
     return found
 
 
+@pytest.mark.full
 def test_every_test_that_the_page_names_exists() -> None:
     named = named_tests()
     assert len(named) > 15

@@ -66,6 +66,7 @@ def sample() -> list[float]:
     return values
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("slot", [0, 1])
 def test_the_firmware_reads_the_parameter_set_in_either_slot(slot: int) -> None:
     memory, data = ParameterMemory(PC), vectors()["parameter-set"]

@@ -45,6 +45,7 @@ def test_on_real_wheels_dead_reckoning_stays_within_a_centimetre() -> None:
     assert result.theta_rad <= 0.02
 
 
+@pytest.mark.full
 def test_four_wheels_that_do_not_slip_find_no_slip() -> None:
     """They push against each other and creep. Taken for slip, that turned the estimate by 41 mrad in 30 s."""
     still = load_scenario("no_fixes", "four_wheel")
@@ -55,12 +56,14 @@ def test_four_wheels_that_do_not_slip_find_no_slip() -> None:
     assert np.mean(rows["estimate_position_m"]) < 2.0 * np.mean(odometry["estimate_position_m"])
 
 
+@pytest.mark.full
 def test_the_original_law_is_an_order_of_magnitude_worse_in_the_same_world() -> None:
     ours = measure(run_in_process(load_scenario("demo")))
     theirs = tracking_rmse(run_in_process(load_scenario("original_law")).record)
     assert theirs.position_m > 10 * ours.position_m
 
 
+@pytest.mark.full
 def test_the_original_law_with_our_pose_filter_is_at_most_five_times_worse() -> None:
     """So the order of magnitude above is mostly that of dead reckoning."""
     fixes, dead = load_scenario("original_law_fixes"), load_scenario("original_law")
@@ -79,6 +82,7 @@ def test_a_wheel_filter_that_knows_the_body_is_more_accurate() -> None:
     assert np.all(known < 0.9 * wheel_alone)
 
 
+@pytest.mark.full
 def test_a_fast_robot_beside_its_path_comes_to_it_without_spinning_its_wheels() -> None:
     """It was 9 to 13 mm off while the way there took half a second, at all that the motors give."""
     scenario = load_scenario("demo", "fast_three_wheel")
@@ -89,6 +93,7 @@ def test_a_fast_robot_beside_its_path_comes_to_it_without_spinning_its_wheels() 
     assert rows["estimate_position_m"].max() < 4e-3
 
 
+@pytest.mark.full
 def test_slip_estimation_is_what_makes_the_difference() -> None:
     """With fixes of 5 Hz instead of 50 Hz the slip states carry the robot between them; without them it drifts."""
 

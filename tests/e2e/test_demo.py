@@ -36,6 +36,7 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return run_demo(tmp_path_factory.mktemp("slow"), "--slow")[0]
 
 
+@pytest.mark.full
 def test_a_fast_robot_tracks_the_rose_within_the_promised_bounds(demo: tuple[dict[str, Any], Path]) -> None:
     summary, _ = demo
     assert summary["robot"] == "fast_three_wheel"
@@ -47,6 +48,7 @@ def test_a_fast_robot_tracks_the_rose_within_the_promised_bounds(demo: tuple[dic
     assert summary["completed"]
 
 
+@pytest.mark.full
 def test_the_slow_robot_tracks_the_rose_within_the_promised_bounds(slow: dict[str, Any]) -> None:
     assert slow["robot"] == "three_wheel"
     assert slow["rmse"]["position_m"] <= 3e-3

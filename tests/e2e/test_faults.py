@@ -43,6 +43,7 @@ def check_stop(run: Run, fault: str, latency_s: float) -> None:
     assert fault in faults_seen(run)[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", sorted(STOPPING))
 def test_the_firmware_stops_the_motors_and_says_why(name: str) -> None:
     fault, latency_s = STOPPING[name]

@@ -55,6 +55,7 @@ def setting(robot: FakeRobot, name: str, value: float) -> None:
     robot.tick(2)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("cause", "words"),
     [

@@ -109,6 +109,7 @@ def test_refusals_that_were_left_out_are_told_by_number(robot: FakeRobot) -> Non
     assert sum(int(text.split()[0]) for text in told) > 60
 
 
+@pytest.mark.full
 def test_a_rate_at_boot_that_is_changed_alone_counts(robot: FakeRobot) -> None:
     for rate in (50.0, 10.0):
         robot.send(USB, frame("param_set", 1, 1, b"SR1_STATUS", rate, 9))

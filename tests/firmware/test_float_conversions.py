@@ -56,6 +56,7 @@ def try_out(robot: FakeRobot) -> None:
         robot.look()
 
 
+@pytest.mark.full
 def test_a_limit_of_almost_nothing(  # the first that was found
 ) -> None:
     def act(robot: FakeRobot) -> None:

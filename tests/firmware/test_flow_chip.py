@@ -49,6 +49,7 @@ def pinpoint() -> Iterator[Flow]:
     yield from made(PINPOINT)
 
 
+@pytest.mark.full
 def test_it_reads_fifty_times_a_second_after_one_start(flow: Flow) -> None:
     flow.start()
     assert flow.valid[-PERIOD_TICKS:].max() == WHOLE
@@ -208,6 +209,7 @@ def test_one_that_restarts_by_itself_on_its_way_is_noticed(flow: Flow) -> None:
     assert ways[:, 0] == pytest.approx(0.02, abs=2 * flow.chip.step_m), "its settings are those of the robot file again"
 
 
+@pytest.mark.full
 def test_a_way_without_end_never_fills_the_counter(flow: Flow) -> None:
     """100 m: an OTOS counts to 10. A reading is lost each time that it is set to zero, and said to be."""
     flow.start()

@@ -37,6 +37,7 @@ def bmi() -> Iterator[Gyro]:
     made.close()
 
 
+@pytest.mark.full
 def test_it_gives_readings_soon_and_in_all_ticks_but_the_looks(gyro: Gyro) -> None:
     gyro.start()
     assert gyro.valid[-1] == ALL

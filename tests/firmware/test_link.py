@@ -37,6 +37,7 @@ def test_a_heartbeat_greets_each_new_connection(robot: Client) -> None:
     assert (beat.get_srcSystem(), beat.get_srcComponent()) == (1, 1)
 
 
+@pytest.mark.full
 def test_streams_come_at_their_rates_and_are_adjustable(robot: Client) -> None:
     robot.set("SR1_STATE", 20)
     seen = rates(robot)

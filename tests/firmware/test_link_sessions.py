@@ -25,6 +25,7 @@ def link(tmp_path: Path) -> ctypes.CDLL:
     return ctypes.CDLL(shutil.copy(kept_library("link", sources), tmp_path))
 
 
+@pytest.mark.full
 def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctypes.CDLL) -> None:
     link.link_connect(1)
     link.link_receive()

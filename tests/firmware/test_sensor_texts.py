@@ -37,6 +37,7 @@ def test_a_trouble_and_its_end_are_said_once_on_each_link(robot: FakeRobot, sens
     assert (loud[trouble], loud[over]) == (mav.MAV_SEVERITY_WARNING, mav.MAV_SEVERITY_INFO)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sensor", SAID)
 def test_who_comes_later_hears_it_and_the_others_not_again(robot: FakeRobot, sensor: str) -> None:
     trouble, _ = SAID[sensor]

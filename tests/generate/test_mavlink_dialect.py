@@ -52,6 +52,7 @@ def python_messages(module: Any) -> dict[str, tuple[int, int, int]]:
     return {cls.msgname: (cls.id, cls.crc_extra, cls.unpacker.size) for cls in module.mavlink_map.values()}
 
 
+@pytest.mark.full
 def test_checksums_and_lengths_agree(generated: Path) -> None:
     in_c = c_messages(generated / "mavlink" / "omni")
     in_python = python_messages(load(generated / "dialects" / "omni.py"))

@@ -165,6 +165,7 @@ def stiff_teeth(world: World, state: list[float], volts: float, end_s: float) ->
     return end
 
 
+@pytest.mark.full
 def test_a_wheel_in_the_air_is_where_stiff_teeth_would_have_it(played: Any) -> None:
     """Back and forth: motor and wheel part when the motor slows down, and meet on the other side."""
     world = played("fast_three_wheel", **IN_THE_AIR)

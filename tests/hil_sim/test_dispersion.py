@@ -44,6 +44,7 @@ def test_uniform_deviations_fill_their_interval() -> None:
     assert np.max(np.abs(empirical - np.linspace(0.0, 1.0, 2000))) < 1.95 / math.sqrt(2000)
 
 
+@pytest.mark.full
 def test_normal_deviations_have_their_width_and_an_end() -> None:
     start_m = drawn(scenario(START), "start_x_m", 4000) - 0.5
     assert np.max(np.abs(start_m)) <= 3.0 * 0.005

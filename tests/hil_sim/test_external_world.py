@@ -91,6 +91,7 @@ class Wrapped:
         self.world.step()
 
 
+@pytest.mark.full
 def test_an_independent_world_drives_the_circle(circle: Scenario) -> None:
     world = TinyWorld(circle)
     run = run_hil(circle, world=world)
@@ -331,6 +332,7 @@ def test_a_world_that_is_not_there_is_told_before_anything_runs(folder: Path, pl
     assert not (folder / "runs").exists()
 
 
+@pytest.mark.full
 def test_the_command_runs_it_and_keeps_the_folder_of_one_that_failed(folder: Path) -> None:
     assert load_world(PLACE, load_scenario("circle.toml")).step is not None
     good = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "fine:TinyWorld", "--json"])
@@ -361,6 +363,7 @@ def test_a_world_that_ends_the_program_or_takes_something_else_is_told_with_its_
     assert "hil_sim/external.py" not in result.output
 
 
+@pytest.mark.full
 def test_a_world_that_cannot_finish_has_its_run_stored_and_shown_all_the_same(folder: Path) -> None:
     result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "film:Film"])
     assert result.exit_code == 1
@@ -375,11 +378,13 @@ def test_a_run_that_is_refused_leaves_no_folder(folder: Path) -> None:
     assert not (folder / "runs").exists()
 
 
+@pytest.mark.full
 def test_the_table_says_which_world_it_was(folder: Path) -> None:
     result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "fine:TinyWorld", "--duration", "1.5"])
     assert "(world tests.hil_sim.tiny_world:TinyWorld)" in " ".join(result.output.split())
 
 
+@pytest.mark.full
 def test_sitl_without_a_world_waits_for_the_sensors_of_another_simulator() -> None:
     command = [sys.executable, "-m", "omniwheel", "sitl", "--no-world", "--port", "0", "--json", "--end-with-stdin"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:

@@ -34,6 +34,7 @@ def test_the_simulated_robot_speeds_up_as_wanted(robot: str) -> None:
     assert robot != "fast_three_wheel" or without > 0.5
 
 
+@pytest.mark.full
 def test_the_page_has_what_it_brings() -> None:
     assert feed_forward_page.written() == PAGE.read_text(encoding="utf-8"), (
         "python -m tests.hil_sim.feed_forward_page --write"

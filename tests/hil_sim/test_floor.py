@@ -199,6 +199,7 @@ def test_a_tick_begins_with_the_loads_that_it_uses(changed: Changed) -> None:
         assert limits == pytest.approx(world.c.config.friction_coefficient * np.maximum(loads(world), least))
 
 
+@pytest.mark.full
 def test_the_page_says_what_rollers_cost() -> None:
     assert PAGE.read_text() == written()
 

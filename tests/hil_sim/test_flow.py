@@ -80,6 +80,7 @@ def test_it_is_late_by_its_delay_and_silent_sensors_go_on_counting() -> None:
     np.testing.assert_allclose(silent.sum(axis=0), on_time.sum(axis=0), rtol=1e-6)
 
 
+@pytest.mark.full
 def test_noise_steps_scale_and_drop_outs() -> None:
     still = (0.0, 0.0, 0.0)
     rows, valid, _ = readings(20000, {**EXACT, "flow_sd_m": 1e-3, "flow_turn_sd_rad": 2e-3}, volts=still)
@@ -137,6 +138,7 @@ ASKEW = tuple(each for each in flow_figures.SETTINGS if each.title.startswith("n
 ICE = tuple(each for each in flow_figures.SETTINGS if " ice " in each.title)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "setting", [each for each in flow_figures.SETTINGS if each not in ASKEW + ICE], ids=lambda each: each.title
 )
@@ -152,6 +154,7 @@ def test_it_is_better_and_as_sure_as_it_says(setting: flow_figures.Setting) -> N
         assert float(np.mean(new.nees_heading)) < 1.6
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("setting", ICE[:2], ids=lambda each: each.title)
 def test_on_ice_a_sensor_that_has_been_right_leads(setting: flow_figures.Setting) -> None:
     """The fast robot's wheels spin for seconds, each time it is on the left half of the floor."""
@@ -183,6 +186,7 @@ def test_on_ice_from_the_start_it_is_refused_and_said() -> None:
     assert new.rms_position < 1.6 * old.rms_position
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("angle_rad", [0.2, 0.35, 0.45, 0.55, 0.8])
 @pytest.mark.parametrize("world", [{}, {"slip_max": 0.3}, {"slip_max": 0.3, "slip_time_s": 0.5}], ids=str)
 def test_one_that_points_elsewhere_costs_little_more_than_having_none(
@@ -208,6 +212,7 @@ def test_a_mount_that_is_not_told_is_said_and_once_told_is_fine(angle_deg: float
         assert np.hypot(off[:, 0], off[:, 1]).max() < most
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("setting", flow_figures.SETTINGS[:1], ids=lambda each: each.title)
 def test_the_page_says_what_the_figures_command_says(setting: flow_figures.Setting) -> None:
     page = (ROOT / "docs" / "guides" / "floor-motion.md").read_text(encoding="utf-8")
@@ -220,6 +225,7 @@ def test_the_page_says_all_that_the_figures_command_says(setting: flow_figures.S
     test_the_page_says_what_the_figures_command_says(setting)
 
 
+@pytest.mark.full
 def test_eight_runs_at_once_give_the_bits_of_single_ones() -> None:
     """Among these one uses a reading that the others refuse; they used to count it as theirs."""
     assert_the_same_without_lanes(load_scenario("flow"), 41, 8)

@@ -45,6 +45,7 @@ def test_its_noise_is_that_of_the_data_sheet() -> None:
     assert slow[valid == 7].std() * math.sqrt(5e-3) == pytest.approx(4.9e-5, rel=0.03)
 
 
+@pytest.mark.full
 def test_its_bias_is_another_one_in_each_run_and_walks() -> None:
     starts = [readings(200, seed, gyro_noise_density=0.0)[0][-1] for seed in range(60)]
     assert np.std(starts) == pytest.approx(0.0087, rel=0.2)
@@ -95,6 +96,7 @@ def heading_error(record: Any) -> float:
     return float(np.abs(np.remainder(record["estimate"][-1, 2] - record["truth"][-1, 2] + np.pi, 2 * np.pi) - np.pi))
 
 
+@pytest.mark.full
 def test_a_gyro_is_used_after_somebody_has_turned_the_wheels_by_hand() -> None:
     """The steps of bring-up follow each other on one robot."""
     record = run_in_process(replace(with_gyro(load_scenario("hands")), duration_s=45.0)).record
@@ -129,6 +131,7 @@ def test_with_fixes_a_bias_that_steps_costs_what_the_page_says() -> None:
     assert 0.025 < np.sqrt(np.mean(off[record["time_s"] > 12.0] ** 2)) < 0.035
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("title", ["no fixes", "no fixes, fast robot", "no fixes, four wheels", "fixes"])
 def test_the_heading_is_better_and_as_sure_as_it_says(title: str) -> None:
     setting = next(each for each in gyro_figures.SETTINGS if each.title == title)
@@ -152,6 +155,7 @@ def test_the_page_says_what_the_figures_command_says(setting: gyro_figures.Setti
     assert gyro_figures.row(setting, gyro_figures.SEEDS) in page.splitlines()
 
 
+@pytest.mark.full
 def test_its_chip_warms_up_and_its_bias_with_it() -> None:
     steady = {"gyro_noise_density": 0.0, "gyro_bias_walk": 0.0, "gyro_range_rad_s": 1.0}
     warm = {**steady, "gyro_warm_up_K": 10.0, "gyro_warm_up_s": 2.0, "gyro_drift_per_K": 1e-3}

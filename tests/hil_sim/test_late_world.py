@@ -128,6 +128,7 @@ def test_a_firmware_that_is_late_goes_on_where_it_was(world: Ticking, robot: Rob
     assert world.error is None
 
 
+@pytest.mark.full
 def test_a_robot_that_was_stopped_before_waits_for_its_release(tmp_path: Path) -> None:
     """Its storage keeps the emergency stop; the program used to end, and then nobody could release it."""
     scenario, storage = load_scenario("sitl"), tmp_path / "storage"

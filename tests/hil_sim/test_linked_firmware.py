@@ -86,6 +86,7 @@ def test_a_firmware_in_lockstep_is_refused_before_the_run(quick: Scenario, tmp_p
             assert robot.parameters[NAME] == OWN
 
 
+@pytest.mark.full
 def test_a_run_is_kept_if_the_robot_cannot_be_given_back(
     quick: Scenario, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -14,6 +14,7 @@ PAGE = ROOT / "docs" / "concepts" / "derivations" / "mean_slip.md"
 SEEDS = range(lost_fix_figures.FIRST_SEED, lost_fix_figures.FIRST_SEED + lost_fix_figures.SEEDS)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("title", ["slip to 30 %, drawn each second", "no slip"])
 def test_a_return_to_the_mean_drifts_less(title: str) -> None:
     """The position after 30 s, in the worlds where it is worth most; seeds of neither page nor choice."""
@@ -32,6 +33,7 @@ def test_the_page_has_a_line_for_each_world() -> None:
         assert f"| {setting.title} | " in page
 
 
+@pytest.mark.full
 def test_the_command_prints_the_table(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     fast = lost_fix_figures.SETTINGS[-1:]
     monkeypatch.setattr(lost_fix_figures, "SETTINGS", fast)

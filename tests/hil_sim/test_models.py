@@ -160,6 +160,7 @@ def sdf_reader(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return program
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("ending", ["sdf", "urdf"])
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_gazebos_parser_understands_the_same_robot(sdf_reader: Path, robot: str, ending: str, tmp_path: Path) -> None:

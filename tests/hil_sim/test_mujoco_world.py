@@ -198,6 +198,7 @@ def circle() -> Scenario:
     return replace(scenario, start_pose=(0.1, 0.0, 0.0), events=tuple(e for e in scenario.events if e.command))
 
 
+@pytest.mark.full
 def test_the_firmware_drives_it_and_the_log_says_which_world() -> None:
     scenario = circle()
     run = run_hil(scenario, world=MujocoWorld(scenario))
@@ -258,6 +259,7 @@ def test_wheels_that_cannot_be_are_told_by_their_key(key: str, value: float, sai
         MujocoWorld(replace(scenario, robot=robot))
 
 
+@pytest.mark.full
 def test_a_film_is_written(tmp_path: Path) -> None:
     try:
         world = MujocoWorld(standing(), Settings(film=Film(every_s=0.1, width=64, height=48)))

@@ -13,6 +13,7 @@ from tests.native import ROOT
 PAGE = ROOT / "docs" / "report" / "reproduce.md"
 
 
+@pytest.mark.full
 def test_each_sensor_adds_something() -> None:
     """On short runs: the heading by gyro or floor motion, the position by floor motion."""
     ends = {

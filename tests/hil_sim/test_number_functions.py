@@ -53,6 +53,7 @@ def test_logarithm_is_as_good_near_0_as_near_22(lib: ctypes.CDLL) -> None:
     assert np.abs(out / exact - 1.0).max() < 4e-7
 
 
+@pytest.mark.full
 def test_normals_are_those_of_box_and_muller(lib: ctypes.CDLL) -> None:
     first, second = words(2), np.random.default_rng(3).permutation(words(4))
     word = np.stack([first, second], axis=1).copy()

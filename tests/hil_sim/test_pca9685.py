@@ -49,6 +49,7 @@ def test_power_up_is_asleep_and_off() -> None:
     assert [chip.duty(channel) for channel in range(16)] == [0.0] * 16
 
 
+@pytest.mark.full
 @given(st.integers(0, 15), st.integers(0, 4095), st.integers(0, 4095))
 def test_duty_and_phase(channel: int, on: int, off: int) -> None:
     chip = Chip(awake=True)

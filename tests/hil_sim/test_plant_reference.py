@@ -122,6 +122,7 @@ def slip_of(world: World) -> Callable[[float], Array]:
     return lambda t: before + t / period * (after - before)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("slip_max", [0.0, 0.1])
 def test_plant_agrees_with_reference(any_robot: Robot, make_world: Any, slip_max: float) -> None:
     world = make_world(any_robot, slip_max=slip_max, slip_time_s=2.0)
@@ -134,6 +135,7 @@ def test_plant_agrees_with_reference(any_robot: Robot, make_world: Any, slip_max
     assert_close(reference, world_state(world), expected, peak, tolerance=1e-3)
 
 
+@pytest.mark.full
 def test_plant_agrees_with_reference_when_wheels_break_away(robots: dict[str, Robot], make_world: Any) -> None:
     robot = robots["three_wheel"]
     slippery = {**robot.simulation, "friction_coefficient": 0.1}

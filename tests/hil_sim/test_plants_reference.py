@@ -78,6 +78,7 @@ def test_kinematic(any_robot: Robot, make_world: Any) -> None:
     assert np.allclose(world.truth, pose, atol=1e-6)
 
 
+@pytest.mark.full
 def test_kinematic_motors(any_robot: Robot, make_world: Any) -> None:
     """(24)-(27) with Coulomb friction and no load, then (15)-(23)."""
     world, rng = make_world(any_robot, plant="kinematic+motors", **SLIP), np.random.default_rng(2)
@@ -101,6 +102,7 @@ def test_kinematic_motors(any_robot: Robot, make_world: Any) -> None:
     assert np.allclose(list(world.c.current_A)[:n], current, atol=1e-3 * np.abs(current).max())
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("source", ["voltage", "torque"])
 def test_slip(any_robot: Robot, make_world: Any, source: str) -> None:
     """(6), (7) with traction from creep; (24), (25) where voltages drive."""

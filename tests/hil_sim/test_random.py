@@ -58,6 +58,7 @@ def normals(seed: int, stream: int, blocks: int, first: int = 0) -> npt.NDArray[
     return out.astype(float)
 
 
+@pytest.mark.full
 def test_many_normals_are_normal() -> None:
     sample = normals(7, 3, 500_000).ravel()
     assert stats.kstest(sample, "norm").pvalue > 0.01

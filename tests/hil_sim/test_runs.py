@@ -150,6 +150,7 @@ def test_the_stop_button_is_an_emergency_stop_that_stays(way: str) -> None:
     assert {state[tick] for tick in range(2000, 2999)} == {ESTOP}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("way", ["in-process", "hil"])
 @pytest.mark.parametrize(("name", "fault"), STOP_FAULTS.items())
 def test_a_stop_fault_is_named_and_takes_the_motors_off(way: str, name: str, fault: str) -> None:

@@ -99,6 +99,7 @@ class Run:
 MACHINES = [(QUIET, True), (PARTED_LATE, True), (BUSY, False), (SLOW_WAKING, True)]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("machine", "looks"), MACHINES)
 @pytest.mark.parametrize("begins_looking", [True, False])
 def test_the_faster_way_is_found_and_kept(machine: Machine, looks: bool, begins_looking: bool) -> None:
@@ -112,6 +113,7 @@ def test_the_faster_way_is_found_and_kept(machine: Machine, looks: bool, begins_
     assert run.end.between_us == LONGEST_US
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("machine", "looks"), MACHINES)
 def test_trials_cost_little(machine: Machine, looks: bool) -> None:
     """Also in a short run: a demo takes a second."""
@@ -124,6 +126,7 @@ def test_trials_cost_little(machine: Machine, looks: bool) -> None:
         assert turns > (1.0 - lost) * most
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("quiet", [QUIET, PARTED_LATE])
 def test_a_load_that_comes_and_goes_is_followed(quiet: Machine) -> None:
     run = Run()
@@ -144,6 +147,7 @@ def test_looking_must_save_a_sixteenth(looking_us: float, looks: bool, begins_lo
     assert bool(run.end.prefers_looking) == looks
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("looks", [True, False])
 def test_one_trial_that_was_faster_changes_nothing(looks: bool) -> None:
     """Another program may just have slept meanwhile."""

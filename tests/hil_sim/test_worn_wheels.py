@@ -231,6 +231,7 @@ def test_on_a_slope_the_lower_wheels_carry_more(any_robot: Robot, make_world: An
     assert loads.sum() == pytest.approx(world.c.config.mass_kg * GRAVITY * math.cos(SLOPE), rel=1e-3)
 
 
+@pytest.mark.full
 def test_the_page_says_what_play_costs_a_robot_with_fixes() -> None:
     what = "play of 0.05 rad (2.9°)"
     found = [error[0] for error in errors(changed(load_scenario("demo"))[what])]

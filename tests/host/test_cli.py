@@ -118,6 +118,7 @@ def test_an_unknown_parameter_is_bad_input_with_a_suggestion() -> None:
     assert "did you mean ISMC_LAM_XY" in run("params", "set", "ISMC_LAM_YX=1", code=2).stderr
 
 
+@pytest.mark.full
 def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason() -> None:
     with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as both, connect(both.urls[0]) as pilot:
         pilot.arm()
@@ -131,6 +132,7 @@ def test_a_refused_parameter_is_exit_code_1_with_the_robots_reason() -> None:
     assert "Traceback" not in errors
 
 
+@pytest.mark.full
 def test_no_robot_at_the_port_ends_with_one_line_and_a_hint() -> None:
     result = omni("params", "list", "--link", "tcp:127.0.0.1:1")
     assert result.returncode == 1
@@ -212,6 +214,7 @@ def test_record_writes_a_log_that_pymavlink_reads(url: str, tmp_path: Path) -> N
     assert "exists already" in run("record", str(out), "--link", url, code=2).stderr
 
 
+@pytest.mark.full
 def test_drive_velocity_disarms_at_the_end(url: str) -> None:
     result = run_json("drive", "velocity", "0", "0", "0", "--for", "0.3", "--link", url)
     assert set(result["pose"]) == {"x", "y", "theta"}
@@ -219,6 +222,7 @@ def test_drive_velocity_disarms_at_the_end(url: str) -> None:
     assert run_json("monitor", "--link", url)["state"] == "disarmed"
 
 
+@pytest.mark.full
 def test_a_drive_ends_with_how_good_the_pose_is_and_what_to_do(url: str) -> None:
     shown = run("drive", "velocity", "0", "0", "0", "--for", "0.3", "--link", url).stdout
     words = " ".join(shown.split())
@@ -226,6 +230,7 @@ def test_a_drive_ends_with_how_good_the_pose_is_and_what_to_do(url: str) -> None
     assert "; start a pose source" in words
 
 
+@pytest.mark.full
 def test_drive_pose_to_where_it_is_arrives(url: str) -> None:
     assert run_json("drive", "pose", "0", "0", "0", "--for", "3", "--link", url)["arrived"] is True
 
@@ -250,6 +255,7 @@ def test_an_unknown_trajectory_is_refused_and_the_robot_disarmed(url: str) -> No
     assert run_json("monitor", "--link", url)["state"] == "disarmed"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_a_kill_and_a_closed_terminal_disarm(number: signal.Signals) -> None:
     with FirmwareProcess(links=["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]) as firmware:
@@ -265,6 +271,7 @@ def test_ctrl_c_a_kill_and_a_closed_terminal_disarm(number: signal.Signals) -> N
     assert "Traceback" not in errors
 
 
+@pytest.mark.full
 def test_keys_need_a_terminal() -> None:
     result = omni("drive", "keys", "--link", "tcp:127.0.0.1:1", stdin=subprocess.DEVNULL)
     assert result.returncode == 2
@@ -391,6 +398,7 @@ def test_reproduce_says_what_an_experiment_found(tmp_path: Path, monkeypatch: py
     assert "Because." in (tmp_path / "reproduce-2" / "reproduction.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.full
 def test_stop_is_latched_until_it_is_released(url: str) -> None:
     assert run_json("stop", "--link", url) == {"state": "stopped"}
     assert run_json("monitor", "--link", url)["state"] == "estop"

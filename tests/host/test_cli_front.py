@@ -178,6 +178,7 @@ def test_the_front_page_shows_each_option_with_its_help() -> None:
     assert "[env var: OMNI_SIGNING_KEY]" in text
 
 
+@pytest.mark.full
 def test_the_tab_key_imports_nothing_heavy_anywhere() -> None:
     """Ports come from pyserial, which is little and knows every system; all else is read from files."""
     lines = [line for line in places() if not line.endswith(PORTS)]

@@ -64,6 +64,7 @@ def test_parameters_take_one_or_two_lines_each() -> None:
     assert parameter_table()["BAT_V_MIN"].doc in " ".join(long.split())
 
 
+@pytest.mark.full
 def test_runs_are_listed_and_compared_by_their_whole_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("quick.toml").write_text(QUICK, encoding="utf-8")

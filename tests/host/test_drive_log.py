@@ -90,6 +90,7 @@ def test_a_refused_drive_leaves_nothing(firmware: FirmwareProcess, tmp_path: Pat
     assert list((tmp_path / "r").iterdir()) == []
 
 
+@pytest.mark.full
 def test_a_drive_that_the_robot_ends_says_so(firmware: FirmwareProcess, tmp_path: Path) -> None:
     """No world answers: the wheels that should turn do not, and the robot stops itself."""
     driven = omni(

@@ -27,6 +27,7 @@ from omniwheel.telemetry import Heartbeat, LocalPosition, Status, Tracking
 from tests.waiting import wait_until
 
 
+@pytest.mark.full
 def test_the_firmware_serves_over_tcp_and_a_pseudo_terminal_at_once() -> None:
     with FirmwareProcess("three_wheel", links=["tcp:127.0.0.1:0", "pty"]) as firmware:
         assert len(firmware.urls) == 2
@@ -193,6 +194,7 @@ def _arm_with_one_heartbeat(robot: Robot) -> None:
     robot.arm()
 
 
+@pytest.mark.full
 def test_a_killed_sitl_takes_its_firmware_along(tmp_path: Path) -> None:
     command = [str(Path(sys.executable).with_name("omni")), "sitl", "--port", "0", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:

@@ -46,6 +46,7 @@ def test_a_bad_url_is_refused_with_what_is_allowed(url: str) -> None:
     assert caught.value.exit_code == 2
 
 
+@pytest.mark.full
 @given(st.text(max_size=40))
 def test_any_text_is_a_link_or_a_link_url_error(url: str) -> None:
     try:

@@ -78,6 +78,7 @@ def proxy(url: str, tmp_path: Path) -> Iterator[MavProxy]:
         yield proxy
 
 
+@pytest.mark.full
 @pytest.mark.mavproxy
 def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy) -> None:
     count = len(parameter_table())
@@ -98,6 +99,7 @@ def test_mavproxy_downloads_sets_arms_sees_the_pose_and_disarms(proxy: MavProxy)
     assert "fence breach" not in proxy.output
 
 
+@pytest.mark.full
 @pytest.mark.mavproxy
 def test_mavproxy_lists_and_downloads_a_burst(proxy: MavProxy, url: str, tmp_path: Path) -> None:
     proxy.expect(r"Received \d+ parameters")

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from omni_schema import load_parameters
 from omniwheel.connection import Connection
 from omniwheel.dialect import mavlink, take_bytes
@@ -19,6 +21,7 @@ LONGEST_FRAME = 10 + 255 + 2 + 13
 """Header, payload, checksum, signature."""
 
 
+@pytest.mark.full
 def test_hours_of_a_recorded_robot_leave_a_program_as_large_as_it_was(tmp_path: Path) -> None:
     now_s = 0.0
     with TlogWriter(tmp_path / "hours.tlog") as log:

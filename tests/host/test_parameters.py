@@ -30,6 +30,7 @@ def test_download_gives_every_parameter_in_the_robots_order(fake: Any, robot: Ro
     assert seen[-1] == (len(fake.values), len(fake.values))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("loss", "seeds"), [(0.1, 10), (0.3, 10), (0.5, 100)])
 def test_download_survives_loss(fake_robot: Callable[..., Any], loss: float, seeds: int) -> None:
     """At 50 % a download fails once in 10^5: of 18 list requests, or of 46 for the last value, every one is in vain."""

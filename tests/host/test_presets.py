@@ -73,6 +73,7 @@ def test_the_tables_of_presets_have_the_figures_of_today() -> None:
     )
 
 
+@pytest.mark.full
 def test_what_the_page_says_of_presets_on_real_wheels() -> None:
     def error(preset: str, robot: str, *, ideal: bool = False, fixes: bool = True) -> float:
         return preset_page.driven(preset, robot, ideal=ideal, fixes=fixes).error_mm
@@ -155,6 +156,7 @@ def test_a_preset_is_loaded_and_undone_by_name(sitl: str) -> None:
     omni("params", "load", "no_such_preset", "--link", sitl, code=2)
 
 
+@pytest.mark.full
 def test_sim_takes_a_preset_over_the_scenario(tmp_path: Path) -> None:
     scenario = tmp_path / "short.toml"
     scenario.write_text('[scenario]\nname = "short"\nextends = "demo"\nduration_s = 3.0\n')

@@ -96,6 +96,7 @@ def test_a_pose_is_driven_to(sitl: str) -> None:
     assert (x, y, theta) == pytest.approx((0.05, 0.05, 0.1), abs=0.01)
 
 
+@pytest.mark.full
 def test_sim_leaves_a_run_that_plot_draws_again(tmp_path: Path) -> None:
     told = omni_json("sim", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
     assert told["seed"] == 4
@@ -121,6 +122,7 @@ def test_sim_over_seeds_says_why_no_run_can_start(tmp_path: Path) -> None:
     assert "refuses to arm: battery" in result.stderr
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("plant", PLANTS)
 def test_sim_drives_every_plant_to_the_end(tmp_path: Path, plant: str) -> None:
     told = omni_json("sim", "no_slip", "--plant", plant, "--out", tmp_path)
@@ -136,6 +138,7 @@ def test_an_unknown_plant_is_bad_input(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.full
 def test_bench_measures_the_loops() -> None:
     results = omni_json("bench", "--seconds", 1, "--repeat", 1)["results"]
     ways = ("hil", "in_process", "monte_carlo", "monte_carlo_2")
@@ -150,6 +153,7 @@ def test_what_is_not_there_is_bad_input(command: tuple[object, ...]) -> None:
     omni(*command, code=2)
 
 
+@pytest.mark.full
 def test_sim_takes_another_robot_and_other_numbers(tmp_path: Path) -> None:
     words = ("sim", "demo", "--robot", "fast_three_wheel", "--set", "TRJ_PETALS=4", "--set", "world.slip_max=0.02")
     summary = omni_json(*words, "--out", tmp_path)

@@ -279,6 +279,7 @@ def test_after_that_the_robot_tells_no_more() -> None:
     assert "OMNI_GYRO" not in came
 
 
+@pytest.mark.full
 def test_the_messages_come_as_rarely_as_asked_for() -> None:
     with in_world("gyro", parameters={"FLOW_MODE": 2.0}, world={"flow_rate_Hz": 50.0}) as robot:
         came: dict[str, int] = {}
@@ -295,6 +296,7 @@ def test_the_messages_come_as_rarely_as_asked_for() -> None:
     assert 30.0 < bytes_s < 50.0, "of the 480 that a radio of 9600 baud may bring"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mounted_deg", [20.0, -30.0])
 def test_a_floor_sensor_that_points_elsewhere_is_put_right_by_the_advice(mounted_deg: float) -> None:
     with (

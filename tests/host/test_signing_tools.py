@@ -44,6 +44,7 @@ def give_key(robot: Firmware) -> None:
     client.socket.close()
 
 
+@pytest.mark.full
 @pytest.mark.timeout(240)  # two MAVProxies, each of which downloads all parameters in real time
 @pytest.mark.mavproxy
 def test_mavproxy_gives_the_robot_a_key_and_commands_it_over_the_radio(robot: Firmware, tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def sitl() -> Iterator[Child]:
             process.kill()
 
 
+@pytest.mark.full
 def test_commands_are_done_and_said_and_bad_lines_change_nothing() -> None:
     draw = random.Random(5)
     with sitl() as child:
@@ -93,6 +94,7 @@ def test_a_line_that_is_too_long_counts_once_and_its_end_not_at_all() -> None:
     assert list(lines_of(io.BytesIO(text))) == [b"a\n", long[:LONGEST_LINE], b"b\n", exact, b"c"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=lambda number: number.name)
 def test_a_signal_ends_it_while_its_input_is_open(number: signal.Signals) -> None:
     command = [word for word in COMMAND if word != "--end-with-stdin"]

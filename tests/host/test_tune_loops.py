@@ -36,6 +36,7 @@ def stand() -> Iterator[None]:
         yield
 
 
+@pytest.mark.full
 def test_a_wheel_loops_gain_shows_with_a_verdict(stand: None, tmp_path: Path) -> None:
     """The step of a pose shows nothing of WS_P: it goes through the reference governor."""
     words = ("-e", "wheel-chirp", "-e", "wheel-step", "--wheels-up", "--rounds", 3)
@@ -54,6 +55,7 @@ def test_a_wheel_loops_gain_shows_with_a_verdict(stand: None, tmp_path: Path) ->
     assert json.loads((folder / "drive.json").read_text())["asked"].startswith("tune wheel-chirp, wheel-step: WS_P=0.5")
 
 
+@pytest.mark.full
 def test_a_position_gain_shows_and_nothing_is_overwritten(tmp_path: Path) -> None:
     with simulated(end_s=600.0):
         words = ("--set", "ISMC_LAM_XY=3", "-e", "position-step", "--size", "0.003", "--duration", "1.5")
@@ -67,6 +69,7 @@ def test_a_position_gain_shows_and_nothing_is_overwritten(tmp_path: Path) -> Non
         assert (Path(folder) / "tune.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.full
 def test_a_set_that_cannot_take_the_signal_is_refused_before_anything_moves(stand: None, tmp_path: Path) -> None:
     words = ("-e", "wheel-step", "--wheels-up", "--size", "0.5")
     tune(tmp_path / "fits", "--set", "WS_P=6", *words)
@@ -105,6 +108,7 @@ def test_all_sets_get_the_smallest_signal_that_any_chooses() -> None:
     assert common([PositionPlan("y", 0.01), PositionPlan("y", 0.004)]).amplitude == 0.004
 
 
+@pytest.mark.full
 def test_the_signal_is_chosen_for_every_set_and_kept() -> None:
     sets = [{"WS_P": 2.0}, {"WS_P": 12.0}]
     with connected(FLOOR) as robot:

@@ -51,6 +51,7 @@ def unknown_velocity(name: str) -> NDArray[np.float64]:
     return unknown
 
 
+@pytest.mark.full
 def test_the_velocity_that_the_robot_takes_for_unknown() -> None:
     for name, sentence in (
         ("demo", "is at most {} with fixes at 50 Hz"),

@@ -21,6 +21,7 @@ def crowded(request: pytest.FixtureRequest) -> Result:
     return run(20.0, 1, signed=request.param)
 
 
+@pytest.mark.full
 def test_three_programs_stay_inside_the_byte_budget_at_any_time(crowded: Result) -> None:
     assert crowded.excess_bytes <= 0.0
     assert 0.8 * SHARE * BAUD / 10 < crowded.bytes_s <= SHARE * BAUD / 10

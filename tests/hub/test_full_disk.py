@@ -53,6 +53,7 @@ def test_a_stop_goes_through_whatever_call_fails(cable: Cable, tmp_path: Path, n
         robot.wait_until(lambda status: status.state == "estop", WAIT_S, "stopped")
 
 
+@pytest.mark.full
 def test_who_cannot_be_found_says_so_and_has_the_port(cable: Cable, tmp_path: Path) -> None:
     need_shim()
     done = program(tmp_path / "omniwheel", 2, FULL, PROGRAM, "stop", "--link", str(cable.path))
@@ -117,6 +118,7 @@ def test_another_users_folder_keeps_nobody_from_a_robot(cable: Cable, robot_urls
     over_tcp.close()
 
 
+@pytest.mark.full
 def test_who_finds_a_port_busy_is_told_what_keeps_it_from_a_hub(cable: Cable) -> None:
     first = open_shared(str(cable.path))
     places.folder().chmod(0o777)

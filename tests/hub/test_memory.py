@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from tests.hub.bench import Bench
 from tests.long_lines import ROUND_S, growth
 
@@ -10,6 +12,7 @@ ROUNDS = 600
 LARGEST_GROWTH_BYTES = 32 * 1024
 
 
+@pytest.mark.full
 def test_hours_of_telemetry_leave_the_hub_as_large_as_it_was() -> None:
     bench = Bench()
     numbers = [bench.hub.join(name) for name in ("one", "other")]

@@ -35,6 +35,7 @@ def full_pipe() -> Iterator[int]:
     os.close(reading)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("hub", OUR_HUBS)
 @pytest.mark.parametrize("where", ["a pipe that nobody reads", "/dev/full"])
 def test_a_hub_that_cannot_say_anything_passes_stops_on(cable: Cable, hub: str, where: str) -> None:
@@ -64,6 +65,7 @@ def test_a_hub_that_cannot_say_anything_passes_stops_on(cable: Cable, hub: str, 
             started.wait()
 
 
+@pytest.mark.full
 def test_a_disarm_does_not_wait_for_what_its_command_says(cable: Cable, hub_url: str) -> None:
     with connect(hub_url) as robot, open("/dev/full", "wb", buffering=0) as full:
         robot.arm()

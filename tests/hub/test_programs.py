@@ -39,6 +39,7 @@ def shared_by_now(robot: Robot) -> str:
     return notice
 
 
+@pytest.mark.full
 def test_a_second_command_starts_a_hub_and_the_first_goes_on(cable: Cable) -> None:
     with connect(str(cable.path)) as first:
         assert getattr(first.connection.link, "notice", None) == ""
@@ -73,6 +74,7 @@ def go_on(robot: Robot) -> None:
     robot.pump(0.05)
 
 
+@pytest.mark.full
 def test_the_first_goes_on_driving_while_the_hub_takes_the_port(cable: Cable) -> None:
     with connect(str(cable.path)) as first:
         first.parameters.set_many({"SAFE_CMD_TO": 60.0, "SAFE_LINK_TO": 600.0})  # a busy computer shall not matter
@@ -100,6 +102,7 @@ def test_a_port_that_a_stranger_has_is_refused_as_ever(cable: Cable) -> None:
     stranger.close()
 
 
+@pytest.mark.full
 def test_a_second_hub_for_the_same_port_says_who_serves_it(cable: Cable, hub_url: str) -> None:
     result = run("link", "--link", str(cable.path), "--listen", "tcp:127.0.0.1:0")
     assert result.returncode == 1
@@ -107,6 +110,7 @@ def test_a_second_hub_for_the_same_port_says_who_serves_it(cable: Cable, hub_url
     assert hub_url in result.stderr
 
 
+@pytest.mark.full
 @pytest.mark.mavproxy
 def test_mavproxy_and_two_of_our_commands_at_once(cable: Cable, hub_url: str, tmp_path: Path) -> None:
     log = tmp_path / "seen.tlog"
@@ -132,6 +136,7 @@ def test_mavproxy_and_two_of_our_commands_at_once(cable: Cable, hub_url: str, tm
     assert log.stat().st_size > 0
 
 
+@pytest.mark.full
 def test_an_emergency_stop_from_another_program_stops_what_one_drives(cable: Cable, hub_url: str) -> None:
     with connect(hub_url) as looker, omni(*DRIVE, "--link", str(cable.path), first_line=False):
         looker.wait_until(lambda status: status.armed, WAIT_S, "armed")
@@ -139,6 +144,7 @@ def test_an_emergency_stop_from_another_program_stops_what_one_drives(cable: Cab
         looker.wait_until(lambda status: status.state == "estop", WAIT_S, "stopped")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("words", "why"), [(DRIVE, "command loss|link loss"), (TRAJECTORY, "link loss")])
 def test_the_robot_stops_by_itself_when_the_commanding_program_is_killed(
     hub_url: str, words: tuple[str, ...], why: str
@@ -150,6 +156,7 @@ def test_the_robot_stops_by_itself_when_the_commanding_program_is_killed(
         said(looker, f"failsafe: ({why})")
 
 
+@pytest.mark.full
 def test_the_robot_stops_by_itself_when_the_hub_is_killed(cable: Cable, robot_urls: list[str]) -> None:
     with (
         connect(robot_urls[1]) as looker,
@@ -178,6 +185,7 @@ def test_a_hub_survives_unplugging_and_its_clients_are_told(cable: Cable, hub_ur
         found.close()
 
 
+@pytest.mark.full
 def test_an_automatic_hub_ends_when_nobody_is_there(cable: Cable, tmp_path: Path) -> None:
     from omniwheel.hub import places
 

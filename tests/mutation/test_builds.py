@@ -53,6 +53,7 @@ def test_mutants_are_killed_by_tests_that_build_the_sources(tried: tuple[Builder
         assert killed(planted(*change)) == by.removesuffix(" once more")
 
 
+@pytest.mark.full
 def test_a_test_that_is_not_there_is_no_test_that_passes(tried: tuple[Builder, Runner]) -> None:
     builder, _ = tried
     runner = Runner(replace(areas()["app"], tests=(FILE,)), builder.folder)

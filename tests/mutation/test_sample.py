@@ -47,6 +47,7 @@ def test_fewer_by_fast_tests_than_their_floor_asks_for_are_an_error(monkeypatch:
     assert checked(monkeypatch, alive=0, gone=0, slow=5) == 1
 
 
+@pytest.mark.full
 def test_the_fast_tests_of_a_file_are_those_that_make_test_runs() -> None:
     found = sample.fast_tests(["tests/core/test_pid.py", "tests/fuzz/test_fuzzers.py"])
     assert {name.split("::")[0] for name in found} == {"tests/core/test_pid.py"}

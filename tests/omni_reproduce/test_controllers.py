@@ -17,6 +17,7 @@ def case(robot: str, controller: str, path: str) -> controllers.Case:
     return controllers.Case(robot, controller, path, settings, SPEC["experiment"]["scenario"], seed=2)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("robot", SPEC["experiment"]["robots"])
 @pytest.mark.parametrize("controller", list(SPEC["controller"]))
 def test_every_controller_drives_every_robot_stably(robot: str, controller: str) -> None:
@@ -33,6 +34,7 @@ def test_a_run_without_an_end_counts_from_when_it_has_settled() -> None:
     assert 0.0 < found["position_m"] < 0.005
 
 
+@pytest.mark.full
 def test_rows_are_means_over_paths_and_the_picture_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fake(case: controllers.Case) -> dict[str, float]:
         value = 0.001 * (1 + list(SPEC["path"]).index(case.path)) + 1e-4 * case.seed

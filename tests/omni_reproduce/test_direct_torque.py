@@ -122,6 +122,7 @@ def test_a_loop_refuses_a_plant_without_torques() -> None:
         loop.run(rose(SPEC["robot"], 6, 0.4, LAP_S), 0.1)
 
 
+@pytest.mark.full
 def test_rows_and_pictures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     short = {**SPEC, "points": {**SPEC["points"], "count": 2}}
     monkeypatch.setattr(experiment, "read_spec", lambda name: short)

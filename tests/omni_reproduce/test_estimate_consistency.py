@@ -51,6 +51,7 @@ def check(key: str, seeds: int, ratio: Mapping[bool, float], nis_share: float) -
         assert found.nis.mean() == pytest.approx(nis, rel=nis_share)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("key", SHORT)
 def test_few_seeds_agree_with_the_page(key: str) -> None:
     check(key, SEEDS, RATIO_OF_FEW, NIS_OF_FEW)

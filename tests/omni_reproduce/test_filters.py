@@ -237,6 +237,7 @@ def test_literal_noise_gives_what_it_must() -> None:
     assert np.all(results[:2] > 0.3)
 
 
+@pytest.mark.full
 def test_table7_quickly(tmp_path: Path) -> None:
     shares: list[float] = []
     result = table7.run(Context(tmp_path, quick=True, seeds=2, workers=2, progress=shares.append))
@@ -251,6 +252,7 @@ def test_table7_quickly(tmp_path: Path) -> None:
     assert shares[-1] == pytest.approx(1.0)
 
 
+@pytest.mark.full
 def test_consistency_quickly(tmp_path: Path) -> None:
     result = consistency.run(Context(tmp_path, quick=True, seeds=2, workers=2))
     errors = [row for row in result.rows if "RMSE" in row.quantity]

@@ -125,6 +125,7 @@ def test_to_know_less_raises_the_bound() -> None:
     assert (mean(replace(WORLD, **gyro, **FLOW)) < mean(replace(WORLD, **gyro))).all()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "more",
     [{}, {"gyro_step_variance": 2.5e-11, "gyro_bias_sd": 0.009, "gyro_bias_walk": 1e-6}, FLOW],
@@ -146,6 +147,7 @@ def test_a_filter_that_knows_the_world_reaches_the_bound(more: dict[str, Any]) -
     assert (open_share < MONTE_CARLO).all(), "too few paths to say so"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("key", ["demo", "gyro", "flow"])
 def test_the_robot_is_not_below_the_bound(key: str) -> None:
     """Below it the bound would be wrong."""
@@ -170,6 +172,7 @@ def without_creep(record: NDArray[Any], wheels: Wheels) -> NDArray[Any]:
     return out
 
 
+@pytest.mark.full
 def test_creep_is_what_keeps_the_filter_from_the_bound() -> None:
     """With exact fixes it counts. Who knows it, as the bound does, is at the bound."""
     scenario = limits.scenario_of(SPEC, "fix_0_3mm", "ideal")

@@ -34,6 +34,7 @@ def readings_of(world: Any, records: list[NDArray[Any]]) -> Readings:
     return together([measure(record, THREE, world, 10**6, seed) for seed, record in enumerate(records)])
 
 
+@pytest.mark.full
 def test_where_slip_is_a_walk_its_errors_are_as_large_as_it_says() -> None:
     """And with steps ten times too small or too large they are larger than with the right ones."""
     readings = readings_of(WORLD, [walking(seed) for seed in range(PATHS)])
@@ -71,6 +72,7 @@ def test_a_walk_that_hardly_steps_keeps_what_it_was_told_first() -> None:
     assert (np.diag(moving.p[0])[3:6] > np.diag(robot.p[0])[3:6]).all()
 
 
+@pytest.mark.full
 def test_nobody_who_knows_less_is_better_and_the_row_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -87,6 +89,7 @@ def test_nobody_who_knows_less_is_better_and_the_row_says_so(
     assert walk.endswith(("(x 0.2)", "(x 0.5)"))
 
 
+@pytest.mark.full
 def test_the_factor_with_the_least_sum_is_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     driven = limits.drive(read_spec(limits.NAME), "demo", 1)
     monkeypatch.setattr(limits_walk, "FACTORS", (0.01, 0.4, 100.0))

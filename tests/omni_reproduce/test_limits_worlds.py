@@ -51,6 +51,7 @@ def test_the_robot_is_told_of_its_sensors_and_of_nothing_else() -> None:
         assert entry["parameters"] == told
 
 
+@pytest.mark.full
 def test_every_world_fits_the_steps_of_the_bound() -> None:
     for number in range(MANY):
         spec = {"setting": {"drawn": draw(11, number).entry}}

@@ -45,6 +45,7 @@ def test_every_hold_has_both_its_ends() -> None:
     assert found.time_s[-1] == pytest.approx(0.8)
 
 
+@pytest.mark.full
 def test_rows_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(models, "read_spec", lambda name: SPEC)
     result = models.run(Context(tmp_path, seeds=2))

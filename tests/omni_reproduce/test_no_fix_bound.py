@@ -60,6 +60,7 @@ def test_an_angle_that_does_not_change_is_not_rounded_anew() -> None:
     assert no_fix_bound.standing(turned, 3).tolist() == [True, False, True]
 
 
+@pytest.mark.full
 def test_a_longer_rest_and_more_sensors_lower_the_bound() -> None:
     found = {each.title: no_fix_bound.scenario_of(each, 20) for each in no_fix_figures.SETS if "turn" not in each.title}
     wheels, gyro, rested, both = (no_fix_bound.end_variances(scenario, 1) for scenario in found.values())
@@ -67,6 +68,7 @@ def test_a_longer_rest_and_more_sensors_lower_the_bound() -> None:
     assert both[0] < 0.1 * gyro[0] < 0.1 * wheels[0]
 
 
+@pytest.mark.full
 def test_the_robot_is_not_below_the_bound() -> None:
     """Eight runs of 40 s leave a factor of two open."""
     gyro = no_fix_figures.SETS[1]
@@ -77,6 +79,7 @@ def test_the_robot_is_not_below_the_bound() -> None:
     assert np.mean(reached[:, 1] ** 2) > 0.5 * theta
 
 
+@pytest.mark.full
 def test_what_the_bound_does_not_know_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     no_fix_bound.main(["--paths", "1", "--seconds", "2"])
     lines = capsys.readouterr().out.splitlines()

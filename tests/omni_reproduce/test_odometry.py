@@ -95,6 +95,7 @@ def test_perfect_wheels_give_the_closed_form(turning: bool) -> None:
         assert np.hypot(*away) < 0.012 * np.hypot(*told)
 
 
+@pytest.mark.full
 def test_real_wheels_keep_near_the_closed_form_and_a_gyro_heals_the_turn() -> None:
     limits = {}
     for wrong, gyro in ((False, False), (True, False), (True, True)):
@@ -157,6 +158,7 @@ def test_mujoco_without_a_gyro_gives_errors_of_the_same_size_as_our_world() -> N
         assert np.hypot(*found.error[:2]) < 0.02
 
 
+@pytest.mark.full
 def test_a_quick_run_has_its_rows_picture_and_seeds(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(odometry, "square_settings", lambda *_, **__: [Setting(FAST, True, False, OURS, False)])
     monkeypatch.setattr(odometry, "petal_settings", lambda *_, **__: [Setting(FAST, False, False, OURS)])
@@ -228,6 +230,7 @@ def test_logs_without_geometry_are_an_error_that_names_it(tmp_path: Path, drop: 
         square_logs.sessions(_write_session(tmp_path, drop=drop))
 
 
+@pytest.mark.full
 def test_the_command_for_logs_prints_a_line_per_session_and_refuses_an_empty_folder(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "omni_reproduce.square_logs"]
     good = subprocess.run(

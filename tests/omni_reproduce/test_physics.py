@@ -53,6 +53,7 @@ def test_duties_played_open_loop_give_the_same_run_in_our_world(floor: str) -> N
     assert np.ptp(record["truth"][:, 0]) > 0.2
 
 
+@pytest.mark.full
 def test_the_floor_makes_a_difference() -> None:
     found = {floor: ours(replace(CASE, floor=floor)) for floor in SPEC["floor"]}
     assert found["slippery"] != found["level"] != found["slope"]
@@ -64,6 +65,7 @@ def test_figures_agree_within_what_is_wanted() -> None:
     assert agree(SPEC, SPEEDS, 0.0005, 0.0), "both are next to nothing"
 
 
+@pytest.mark.full
 def test_wheel_speeds_are_those_of_mujoco_within_two_percent() -> None:
     pytest.importorskip("mujoco", reason="needs pip install 'omniwheel[mujoco]'")
     our, their = both(replace(CASE, driven_s=1.0))

@@ -26,6 +26,7 @@ def test_a_folder_that_is_none_is_an_error(tmp_path: Path, monkeypatch: pytest.M
         real_logs.run(Context(tmp_path))
 
 
+@pytest.mark.full
 def test_a_folder_of_other_runs_is_taken_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Synthetic runs under the real ones' names and columns."""
     data, out = tmp_path / "data", tmp_path / "out"

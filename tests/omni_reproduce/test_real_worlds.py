@@ -55,6 +55,7 @@ def peaks(folder: Path) -> dict[str, float]:
     }
 
 
+@pytest.mark.full
 def test_a_ripple_of_the_logs_is_found_and_none_where_there_is_none(tmp_path: Path) -> None:
     there, none = peaks(write(tmp_path / "there", 0.5)), peaks(write(tmp_path / "none", 0.0))
     assert there["order"] == pytest.approx(ORDER, rel=0.1), "the motor curves say the speed no better than that"

@@ -37,6 +37,7 @@ def test_without_a_dead_band_there_is_nothing_to_explain() -> None:
     assert final_cm("P", spec=spec).max() < 0.5
 
 
+@pytest.mark.full
 def test_the_error_is_the_dead_band_over_the_gain() -> None:
     weak = copy.deepcopy(SPEC)
     weak["controller"]["P"]["kp"] = 0.5 * SPEC["controller"]["P"]["kp"]
@@ -77,6 +78,7 @@ def test_tries_begin_one_to_three_metres_away() -> None:
     assert np.abs(starts.mean(axis=0)).max() < 0.3
 
 
+@pytest.mark.full
 def test_the_experiment_gives_rows_groups_and_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     short = copy.deepcopy(SPEC)
     short["experiment"]["duration_s"] = 6.0

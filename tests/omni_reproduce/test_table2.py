@@ -52,6 +52,7 @@ def test_less_slip_error_gives_less_error_in_proportion() -> None:
     np.testing.assert_allclose(ratio, 0.5, atol=0.06)
 
 
+@pytest.mark.full
 def test_the_experiment_gives_rows_and_figure_10(tmp_path: Path) -> None:
     result = table2.run(Context(tmp_path, seeds=2))
     published = [row for row in result.rows if row.published is not None and "as published" in row.setting]

@@ -74,6 +74,7 @@ def test_the_turning_limit_is_the_best_of_all_signals_with_that_slope() -> None:
     assert table3.turning_limit_rad(slow) == 0.0
 
 
+@pytest.mark.full
 def test_the_experiment_gives_rows_and_figure_11(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     short = copy.deepcopy(SPEC)
     short["setting"] = {name: SPEC["setting"][name] for name in ("published", "position_first")}

@@ -155,6 +155,7 @@ def test_numbers_may_be_written_as_programs_write_them(client: MemoryClient, tex
     assert list(tick.reference) == pytest.approx([0.25, -0.15, 0.3125], abs=2e-4)
 
 
+@pytest.mark.full
 def test_lines_and_frames_share_the_stream(client: MemoryClient) -> None:
     """A parameter is read over the radio between lines; a frame inside a line ends that line."""
     codec = mavlink.MAVLink(None, 255, 190)

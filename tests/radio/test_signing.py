@@ -225,6 +225,7 @@ def test_nothing_is_written_while_armed_and_the_clock_at_once_after(robot: Memor
     assert robot.storage()[2] == writes + 1
 
 
+@pytest.mark.full
 def test_a_simulated_clock_does_not_move_the_signing_clock(robot: MemoryRobot) -> None:
     """Host-in-the-loop brings a clock of its own; entering, a far jump of it, and leaving must not age all stations."""
     robot.run(60_000)
@@ -415,6 +416,7 @@ def test_the_same_key_again_wears_nothing(robot: MemoryRobot) -> None:
     assert robot.storage()[2] == writes
 
 
+@pytest.mark.full
 def test_storing_the_clock_for_years_does_not_wear_the_flash_out(robot: MemoryRobot) -> None:
     """A Teensy 4.0's emulation: 15 sectors of 2048 records, a record per byte changed, addresses dealt out in fours."""
     _, before, _ = robot.storage()

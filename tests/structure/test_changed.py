@@ -18,6 +18,7 @@ def has(tests: list[str], file: str) -> bool:
     return any(file == test or file.startswith(f"{test}/") for test in tests)
 
 
+@pytest.mark.full
 def test_a_python_module_brings_the_tests_that_import_it_at_any_distance() -> None:
     tests = chosen("hil_sim/i2c_wave.py")  # tests/image reaches it through hil_sim.pins
     assert any(test.startswith("tests/image") for test in tests)

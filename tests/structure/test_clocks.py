@@ -108,6 +108,7 @@ def python_files(*words: str) -> dict[str, str]:
     return {name: text for name, text in texts.items() if any(word in text for word in words)}
 
 
+@pytest.mark.full
 def test_no_test_reads_the_wall_clock_but_through_the_helper() -> None:
     found = {file: names for file, text in python_files(*SIGNS).items() if (names := clocks(text))}
     new = {file: names for file, names in found.items() if file not in ALLOWED}
@@ -128,5 +129,6 @@ def test_loops_without_a_deadline_are_found(text: str, found: bool) -> None:
     assert endless(text) is found
 
 
+@pytest.mark.full
 def test_a_loop_that_receives_has_one_deadline() -> None:
     assert {file for file, text in python_files(*RECEIVES).items() if endless(text)} == set(ENDLESS)

@@ -93,6 +93,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", PLANTED)
 def test_an_import_in_the_wrong_direction_breaks_its_contract(copy: Path, name: str) -> None:
     file, imported, contract = PLANTED[name]

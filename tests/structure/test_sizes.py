@@ -9,6 +9,8 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 FILE_LINES, FUNCTION_LINES, WIDTH = 500, 80, 120
 C_SUFFIXES = (".c", ".cpp", ".h", ".hpp")
@@ -55,6 +57,7 @@ def test_lines_of_c_are_short() -> None:
     assert wide == {}
 
 
+@pytest.mark.full
 def test_functions_are_short() -> None:
     found = {}
     for suffixes, functions in (((".py",), python_functions), (C_SUFFIXES, c_functions)):

@@ -66,6 +66,7 @@ def passed(output: str) -> set[str]:
     return {line.split("::")[1].split()[0] for line in output.splitlines() if " PASSED" in line}
 
 
+@pytest.mark.full
 def test_a_run_without_files_takes_the_fast_tier_and_counts_what_is_missing(run: Run) -> None:
     output, code = run()
     assert (passed(output), code) == ({"test_fast"}, 0)
@@ -73,6 +74,7 @@ def test_a_run_without_files_takes_the_fast_tier_and_counts_what_is_missing(run:
     assert row.split() == ["3", "tests", "kits", "get", "kit"]
 
 
+@pytest.mark.full
 def test_a_named_file_and_test_all_run_the_full_tier_and_a_test_without_end_fails(run: Run) -> None:
     for words in (["test_some.py"], ["--tier", "all"]):
         output, code = run(*words)
@@ -80,11 +82,13 @@ def test_a_named_file_and_test_all_run_the_full_tier_and_a_test_without_end_fail
         assert "FAILED test_some.py::test_endless" in output
 
 
+@pytest.mark.full
 def test_the_nightly_tier_is_the_rest(run: Run) -> None:
     output, code = run("--tier", "nightly")
     assert (passed(output), code) == ({"test_nightly"}, 0)
 
 
+@pytest.mark.full
 def test_in_ci_a_missing_tool_is_a_failure(run: Run) -> None:
     output, code = run(CI="true")
     assert (output.count("ERROR test_some.py::test_kit"), code) == (3, 1)

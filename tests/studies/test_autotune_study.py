@@ -37,6 +37,7 @@ def drawn() -> list[DrawnRobot]:
     return [draw_robot(seed) for seed in range(1, 9)]
 
 
+@pytest.mark.full
 def test_robots_differ_and_their_files_are_wrong_by_at_most_what_is_stated(drawn: list[DrawnRobot]) -> None:
     errors = np.array([[number(one.believed, key) / number(one.truth, key) - 1.0 for key in WRONG] for one in drawn])
     assert np.all(np.abs(errors) <= ERROR + 1e-4)
@@ -53,6 +54,7 @@ def test_a_seed_is_a_robot(drawn: list[DrawnRobot]) -> None:
     assert again.world == drawn[2].world
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [174, 192, 286, 389])
 def test_a_robot_that_no_file_may_describe_is_drawn_again(seed: int) -> None:
     """Robot 174 came out with a winding of 2400 ohm, and ended the whole study."""
@@ -71,6 +73,7 @@ def test_the_world_has_the_true_robot_and_the_firmware_the_wrong_one(drawn: list
     )
 
 
+@pytest.mark.full
 def test_the_path_that_judges_can_be_driven_and_is_the_same_for_all_parameters(drawn: list[DrawnRobot]) -> None:
     for one in drawn[:3]:
         rows = judge(one, {}, 8)
@@ -212,6 +215,7 @@ def test_each_way_to_a_robot_has_a_folder_of_its_own_and_what_there_is_not_is_re
         Way(RadioSettings(9600), emulated=True)
 
 
+@pytest.mark.full
 def test_a_robot_behind_a_radio_answers_late_loses_packets_and_is_the_same_again() -> None:
     def first_words() -> tuple[float, float, int]:
         way = Way(RadioSettings(9600, 0.3))
@@ -262,6 +266,7 @@ def assert_stopped_well(seed: int) -> None:
     assert row["old_parameters"] == 1.0, (seed, row["kind"], row["moment_s"])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_tuning_that_is_stopped_leaves_a_robot_at_rest(kind: str) -> None:
     assert_stopped_well(SAMPLE[kind])

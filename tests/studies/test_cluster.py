@@ -53,6 +53,7 @@ def do(plan: Plan, folder: Path, pool: Pool, progress: Any = lambda runs, simula
     return {name: (folder / name).read_bytes() for name in FILES}
 
 
+@pytest.mark.full
 def test_the_cluster_gives_the_local_pools_bytes_though_a_worker_is_killed(
     quick: Scenario, tmp_path: Path, pool: DaskPool, dask_cluster: Any
 ) -> None:

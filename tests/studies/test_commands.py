@@ -39,6 +39,7 @@ def montecarlo(quick_file: Path, out: Path, *more: object) -> list[object]:
     return ["montecarlo", quick_file, "--runs", 24, "--batch", 8, "--out", out, *more]
 
 
+@pytest.mark.full
 def test_montecarlo_leaves_numbers_picture_report_and_runs_to_repeat(quick_file: Path, tmp_path: Path) -> None:
     out = tmp_path / "study"
     more = ("--set", "ISMC_LAM_XY=8", "--set", "world.slip_max=0.3", "--plant", "slip", "--duration", 0.4)
@@ -61,6 +62,7 @@ def test_montecarlo_leaves_numbers_picture_report_and_runs_to_repeat(quick_file:
     assert "--fresh" in refused
 
 
+@pytest.mark.full
 def test_sweep_and_optimize_from_the_command_line(quick_file: Path, tmp_path: Path) -> None:
     common = (quick_file, "--runs", 8, "--batch", 8)
     told = omni_json("sweep", *common, "--param", "world.slip_max=0:0.2:2", "--out", tmp_path / "sweep")
@@ -93,6 +95,7 @@ def test_a_sweep_names_choices_and_units(quick_file: Path, tmp_path: Path) -> No
     assert all(word in text for word in (" pid ", " ismc ", "ISMC_LAM_XY [1/s]"))
 
 
+@pytest.mark.full
 def test_an_unreachable_cluster_costs_no_finished_batch(quick_file: Path, tmp_path: Path) -> None:
     omni(*montecarlo(quick_file, tmp_path / "study"))
     kept = (tmp_path / "study" / "batches.bin").read_bytes()
@@ -147,6 +150,7 @@ def test_a_folder_that_cannot_be_made_is_named(quick_file: Path) -> None:
     assert "--out" in told["error"]["hint"]
 
 
+@pytest.mark.full
 def test_an_interrupted_process_loses_no_finished_batch(quick_file: Path, tmp_path: Path) -> None:
     out, whole = tmp_path / "study", tmp_path / "whole"
     command = [str(Path(sys.executable).with_name("omni")), "montecarlo", str(quick_file), "--runs", "100000"]

@@ -326,6 +326,7 @@ def test_an_armed_robot_is_left_alone(simulated: Program) -> None:
         ask(socket, "disarm")
 
 
+@pytest.mark.full
 def test_letting_go_of_the_robot_ends_it(tmp_path: Path) -> None:
     with studio("sitl", "--out", str(tmp_path)) as program, connect(socket_url(program)) as socket:
         wait_until(lambda: bool((program.state()["robot"] or {}).get("pose")), "no robot")

@@ -211,6 +211,7 @@ def test_a_server_that_is_gone_is_said_and_found_again(open_page: Opener) -> Non
         until(page, "state?.link.phase === 'none'")
 
 
+@pytest.mark.full
 def test_a_port_in_use_is_said() -> None:
     with studio() as program:
         port = program.url.split(":")[2].strip("/")
@@ -221,6 +222,7 @@ def test_a_port_in_use_is_said() -> None:
     assert "--port 0" in answer.stderr
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kill", [False, True], ids=["ended", "killed"])
 def test_the_simulated_robot_ends_with_the_studio(kill: bool) -> None:
     with studio("sitl") as program:

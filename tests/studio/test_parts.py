@@ -99,6 +99,7 @@ def test_what_a_robot_never_sends_is_no_signal_of_it() -> None:
 # ---- samples
 
 
+@pytest.mark.full
 def test_the_store_gives_back_what_came_and_forgets_the_oldest() -> None:
     store = SampleStore()
     for number in range(CAPACITY + 5):

@@ -368,6 +368,7 @@ def test_a_robot_that_goes_while_a_page_is_told_of_it(tmp_path: Path, monkeypatc
     studio_.close()
 
 
+@pytest.mark.full
 def test_a_page_gets_a_robots_tables_once_and_only_when_values_can_be_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

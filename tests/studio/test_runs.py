@@ -121,6 +121,7 @@ def test_time_goes_on_when_the_robot_restarts() -> None:
     assert list(clock.follow(np.array([0.3]))) == pytest.approx([7.7])
 
 
+@pytest.mark.full
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_a_damaged_log_is_read_as_far_as_it_can_be_or_refused(tmp_path: Path, data: st.DataObject) -> None:
@@ -295,6 +296,7 @@ def fed() -> Any:
     found.close()
 
 
+@pytest.mark.full
 def test_a_recording_becomes_a_run(tmp_path: Path, fed: Fed) -> None:
     worker = Worker()
     recorder = Recorder(tmp_path, worker)
@@ -316,6 +318,7 @@ def test_a_recording_becomes_a_run(tmp_path: Path, fed: Fed) -> None:
     assert RecordedLog(folder / "telemetry.tlog").bad_frames == 0
 
 
+@pytest.mark.full
 def test_a_lost_link_ends_a_recording_cleanly(tmp_path: Path, fed: Fed) -> None:
     ended: list[str] = []
     recording = Recording(tmp_path, fed.session, lambda _recording, drive: ended.append(drive.end))
@@ -325,6 +328,7 @@ def test_a_lost_link_ends_a_recording_cleanly(tmp_path: Path, fed: Fed) -> None:
     assert list_runs(tmp_path)[0].end == "the link was lost"
 
 
+@pytest.mark.full
 def test_a_full_disk_is_said_and_a_stop_is_sent_all_the_same(tmp_path: Path, fed: Fed) -> None:
     """The disk is full by a limit of the system on the size of files."""
     before_limit = resource.getrlimit(resource.RLIMIT_FSIZE)

@@ -64,6 +64,7 @@ def test_another_sites_page_reads_and_sends_no_log(program: Program, path: str, 
     assert post(program, path, window("run:good"), headers)[0] == 403
 
 
+@pytest.mark.full
 def test_beyond_this_computer_logs_need_the_token(root: Path) -> None:
     with studio("--host", "0.0.0.0", "--out", str(root)) as program:
         token = program.url.split("token=")[1]
@@ -154,6 +155,7 @@ def test_old_uploads_go_and_are_said_to_be_gone(program: Program) -> None:
         assert "result" in ask(socket, "open_run", log=logs[-1])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("kill", [False, True], ids=["ended", "killed"])
 def test_the_process_that_reads_logs_ends_with_the_studio(root: Path, kill: bool) -> None:
     with studio("--out", str(root)) as program:
@@ -167,6 +169,7 @@ def test_the_process_that_reads_logs_ends_with_the_studio(root: Path, kill: bool
     wait_until(lambda: not any(Path(f"/proc/{child}").exists() for child in children), "a process is left")
 
 
+@pytest.mark.full
 def test_a_stop_comes_through_while_a_long_log_is_read(program: Program, root: Path) -> None:
     minute = b"".join(frames(60.0))
     folder = root.parent / "long"

@@ -76,6 +76,7 @@ def test_the_page_has_a_line_for_the_sensor_that_the_robot_has(sensing: tuple[Pr
     assert ("gyro.rate" in keys, "flow.nis" in keys) == (scenario == "gyro", scenario == "flow")
 
 
+@pytest.mark.full
 def test_its_numbers_come_to_be_plotted(sensing: tuple[Program, str]) -> None:
     program, scenario = sensing
     key = "gyro.rate" if scenario == "gyro" else "flow.nis"
@@ -157,6 +158,7 @@ def test_on_a_slow_radio_it_comes_rarely_and_the_radio_keeps_its_own_rates() -> 
     assert robot.rates == {"OMNI_GYRO": None}
 
 
+@pytest.mark.full
 def test_a_sensor_that_comes_up_leaves_the_rate_that_was_chosen() -> None:
     robot = asked(USB, GYRO_ONLY)
     robot.parameters.complete = True

@@ -183,6 +183,7 @@ def test_bad_requests_and_watching_pages_change_nothing(simulated: Program) -> N
         ask(socket, "world", mend=True)
 
 
+@pytest.mark.full
 def test_a_world_that_hangs_holds_up_no_stop() -> None:
     """Its process is frozen. The firmware runs on: it leaves the loop and stops."""
     with studio("sitl") as program, connect(socket_url(program)) as socket:
@@ -198,6 +199,7 @@ def test_a_world_that_hangs_holds_up_no_stop() -> None:
             os.kill(child, signal.SIGCONT)
 
 
+@pytest.mark.full
 def test_commands_to_a_world_that_hangs_are_refused_once_its_pipe_is_full() -> None:
     robot = SimulatedRobot(Simulation("sitl"))
     try:

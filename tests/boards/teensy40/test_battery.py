@@ -8,6 +8,7 @@ import pytest
 FULL_SCALE = 4095
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("pin", "converter", "channel"), [(14, 1, 7), (25, 1, 2), (26, 2, 3), (27, 2, 4)])
 def test_each_pin_is_converted_by_its_own_converter(chip: ctypes.CDLL, pin: int, converter: int, channel: int) -> None:
     chip.battery_begin(pin, 1.0)

@@ -175,6 +175,7 @@ def project(root: Path) -> Path:
     return root
 
 
+@pytest.mark.full
 def test_the_script_itself_generates_once_and_again_after_a_change(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -196,6 +197,7 @@ def test_the_script_itself_generates_once_and_again_after_a_change(
     assert header.exists()
 
 
+@pytest.mark.full
 def test_the_sources_that_are_to_be_small_are_there_and_get_their_option_last(
     project: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

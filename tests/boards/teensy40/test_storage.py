@@ -374,6 +374,7 @@ def test_a_power_cut_at_any_word_of_a_write_leaves_all_or_nothing_of_it(chip: ct
     assert contents == {old, new}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("dirty", [None, 1])
 def test_a_power_cut_at_any_step_of_a_save_that_begins_a_bank(store: Store, dirty: int | None) -> None:
     new = store.few(12)

@@ -83,6 +83,7 @@ class Wheels:
 # ---------------------------------------------------------------- which decoder
 
 
+@pytest.mark.full
 def test_the_original_robot_has_two_hardware_decoders_and_one_by_interrupt(c: ctypes.CDLL) -> None:
     assert plan(c, ORIGINAL, [AUTO] * 3) == (FINE, [0, BY_INTERRUPT, 1])
     units = (ctypes.c_uint8 * 3)()
@@ -90,6 +91,7 @@ def test_the_original_robot_has_two_hardware_decoders_and_one_by_interrupt(c: ct
     assert list(units) == [0, BY_INTERRUPT, 1]  # three_wheel.toml, at compile time
 
 
+@pytest.mark.full
 @given(st.data())
 def test_a_hardware_decoder_is_given_exactly_where_one_can_be(c: ctypes.CDLL, data: st.DataObject) -> None:
     wheels = data.draw(st.sampled_from((3, 4)))

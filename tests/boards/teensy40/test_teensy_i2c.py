@@ -45,6 +45,7 @@ def works(bus: Bus) -> bool:
     return done and bus.events() == [event for t in UPDATE for event in t.events()] + [STOP]
 
 
+@pytest.mark.full
 def test_a_batch_is_joined_by_repeated_starts_and_ends_with_one_stop(bus: Bus) -> None:
     assert works(bus)
     assert bus.poll() == "idle"  # reported once

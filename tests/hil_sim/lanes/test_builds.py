@@ -18,6 +18,7 @@ FUSED = re.compile(r"\bvf(n?)m(add|sub|addsub|subadd)\w+\b")
 x86_64 = pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="levels of x86-64")
 
 
+@pytest.mark.full
 @x86_64
 @pytest.mark.needs("objdump")
 def test_nothing_is_fused() -> None:
@@ -30,6 +31,7 @@ def test_nothing_is_fused() -> None:
     assert FUSED.search(text) is None
 
 
+@pytest.mark.full
 @x86_64
 @pytest.mark.needs("clang")
 @pytest.mark.parametrize("level", LEVELS)

@@ -38,6 +38,7 @@ def lib(request: pytest.FixtureRequest) -> ctypes.CDLL:
     return ctypes.CDLL(str(kept_library(f"lanes_{level}", sources, [LANES], flags=flags)))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("lib", LEVELS, indirect=True)
 def test_only_the_level_for_it_has_sixteen_lanes(lib: ctypes.CDLL, request: pytest.FixtureRequest) -> None:
     """Whole robots are packed by eight, so a compiler that is told of AVX-512 everywhere must change nothing there."""

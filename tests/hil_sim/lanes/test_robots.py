@@ -66,6 +66,7 @@ def run(lib: ctypes.CDLL, seed: int, level: int) -> Tally:
     return tally
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("level", LEVELS)
 def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int) -> None:
     tally = run(lib, 9, level)  # a scene that arms every controller
@@ -78,6 +79,7 @@ def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int
     assert all(tally.armed[controller] > 0 for controller in range(len(parameter_table()["CTL_MODE"].values)))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("level", LEVELS)
 def test_lanes_part_over_a_reading_that_counts_for_some(lib: ctypes.CDLL, level: int) -> None:
     """In this scene motion over the floor is used in one lane and refused in the others."""

@@ -41,6 +41,7 @@ PERIOD_US = 20_000
 REQUIRED = Requirements()
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 5, 7, 11])
 def test_the_first_drives_gains_hold_the_true_robot_whose_file_is_wrong(seed: int) -> None:
     """Its numbers are wrong by up to 30 %, either way."""
@@ -173,6 +174,7 @@ def test_how_well_a_robot_knows_its_pose_is_what_it_says_on_its_path() -> None:
     assert more["theta_rad"] == pytest.approx(math.sqrt(2.0 * 2.5e-4 + 4e-4))
 
 
+@pytest.mark.full
 def test_who_prefers_margins_gets_them_and_is_told_what_they_cost(lacking: Design) -> None:
     same, worse = verdict(-0.02, 0.1), verdict(0.4, 0.1)
     left = chosen([same], lacking)
@@ -185,6 +187,7 @@ def test_who_prefers_margins_gets_them_and_is_told_what_they_cost(lacking: Desig
     assert "gain margin 1." in taken.why
 
 
+@pytest.mark.full
 def test_old_values_that_hardly_damp_are_replaced_only_if_the_new_ones_are_better() -> None:
     """Robots 54 and 83 lost 19 and 15 % of their accuracy to margins that nobody had asked for."""
     design = true_design(94)
@@ -238,6 +241,7 @@ def test_old_values_that_hardly_damp_come_to_the_quick_pace_in_steps(monkeypatch
     assert driven.legs == [STEP_LEGS] * 4 + [10] * 8
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("grows_at", "share", "drives"), [(0.2, 0.25, 2), (0.4, 0.5, 4), (0.6, procedure.QUICK, 8)])
 def test_the_comparison_ends_at_the_pace_at_which_new_values_are_worse(
     grows_at: float, share: float, drives: int, monkeypatch: pytest.MonkeyPatch
@@ -250,6 +254,7 @@ def test_the_comparison_ends_at_the_pace_at_which_new_values_are_worse(
     assert not chosen(found.verdicts, true_design(94), share=found.share).kept
 
 
+@pytest.mark.full
 def test_a_wheel_in_the_air_may_keep_the_margin_that_it_has_but_not_less() -> None:
     """Robot 12: its wheel alone has a 70th of what it moves on the floor. Its old gains swing in the air, too."""
     design = true_design(12)
@@ -352,6 +357,7 @@ def test_the_quick_drive_keeps_to_what_the_gentle_one_showed(monkeypatch: pytest
     assert found["LIM_A"] == 0.4, "nor is the comparison quicker"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 146])
 def test_what_it_computes_is_what_the_robot_takes(seed: int) -> None:
     """Robot 146 has so slow a position loop in its file that its boundary layer came out as 1.26 m."""
@@ -371,6 +377,7 @@ def test_the_bounds_of_its_candidates_are_the_parameters_own() -> None:
     assert {axis: table[f"ISMC_PHI_{axis}"].maximum for axis in ("XY", "TH")} == gains.LAYER_MOST
 
 
+@pytest.mark.full
 def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned() -> None:
     """Robot 18 stopped by itself: wheel radius and distance are 28 % wrong, and its pose jumps to a fix at last.
 

@@ -88,6 +88,7 @@ def test_the_noise_is_that_of_rounded_angles() -> None:
     assert np.std(seen[1000:]) == pytest.approx(wheel.noise_V(4.0, 120.0), rel=0.05)
 
 
+@pytest.mark.full
 @settings(deadline=None, max_examples=15)
 @given(
     inertia=st.floats(1e-4, 3e-2),

@@ -33,6 +33,7 @@ def watch(bench: Bench) -> None:
     bench.saw = saw  # type: ignore[method-assign]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("robot", ["three_wheel", "four_wheel"])
 def test_a_good_robot_drives_its_square(make_bench: MakeBench, robot: str) -> None:
     bench = make_bench(robot=robot, on_floor=True)
@@ -44,6 +45,7 @@ def test_a_good_robot_drives_its_square(make_bench: MakeBench, robot: str) -> No
     assert not bench.armed
 
 
+@pytest.mark.full
 def test_small_wheels_take_longer_instead_of_failing(make_bench: MakeBench, tmp_path: Path) -> None:
     small = tmp_path / "small.toml"
     text = find_robot_file("three_wheel").read_text(encoding="utf-8")

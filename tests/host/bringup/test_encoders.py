@@ -19,6 +19,7 @@ def check(bench: Bench) -> Result:
     return check_encoders(bench.robot, bench, begin_timeout_s=6.0)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("robot", ["three_wheel", "four_wheel"])
 def test_good_encoders_pass_and_nothing_is_armed(make_bench: MakeBench, robot: str) -> None:
     bench = make_bench(robot=robot)

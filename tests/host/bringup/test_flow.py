@@ -42,6 +42,7 @@ def pushed(bench: Bench) -> float:
     return math.hypot(float(bench.world.c.pose[0]), float(bench.world.c.pose[1]))
 
 
+@pytest.mark.full
 def test_a_sensor_that_is_right_passes_and_tells_its_figures(make_bench: MakeBench) -> None:
     bench = in_world(make_bench)
     result = check_flow(bench.robot, bench)
@@ -53,6 +54,7 @@ def test_a_sensor_that_is_right_passes_and_tells_its_figures(make_bench: MakeBen
     assert not bench.armed
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("error", [-0.05, 0.03])
 def test_its_scale_is_measured(make_bench: MakeBench, error: float) -> None:
     bench = in_world(make_bench, flow_scale_error=error)
@@ -62,6 +64,7 @@ def test_its_scale_is_measured(make_bench: MakeBench, error: float) -> None:
     assert scale * way == pytest.approx(1.0 / (1.0 + error), rel=0.005)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mounted_deg", [1.5, 10.0, 90.0, -135.0, 180.0])
 def test_the_direction_that_it_says_is_the_one_of_the_sensor(make_bench: MakeBench, mounted_deg: float) -> None:
     bench = in_world(make_bench, flow_angle_rad=math.radians(mounted_deg))
@@ -71,6 +74,7 @@ def test_the_direction_that_it_says_is_the_one_of_the_sensor(make_bench: MakeBen
     assert off == pytest.approx(0.0, abs=math.radians(1.5))
 
 
+@pytest.mark.full
 def test_with_that_direction_it_passes(make_bench: MakeBench) -> None:
     bench = in_world(make_bench, parameters={"FLOW_ANGLE": -135.0}, flow_angle_rad=math.radians(-135.0))
     assert check_flow(bench.robot, bench).ok
@@ -107,6 +111,7 @@ def test_a_sensor_from_which_nothing_comes_fails_at_once(make_bench: MakeBench) 
     assert bench.told == []
 
 
+@pytest.mark.full
 def test_a_sensor_that_starts_late_and_wheels_that_were_turned_before_are_fine(make_bench: MakeBench) -> None:
     """As with a chip that calibrates its gyro first, and after the check of the encoders."""
     turned = Fault("wheel_turned", 1.0, 2.0, wheel=0, value=1.0)
@@ -132,6 +137,7 @@ def test_readings_that_are_lost_on_the_way_are_no_scale(make_bench: MakeBench) -
     assert "scale" not in result.measured
 
 
+@pytest.mark.full
 def test_the_world_for_practice_passes(make_bench: MakeBench) -> None:
     """Scenario ``push``: nobody has to be there, the pushes come by themselves."""
     practice = load_scenario("push")
@@ -162,6 +168,7 @@ def test_measuring_wheels_are_put_right_not_turned(make_bench: MakeBench, mounte
     assert "FLOW_ANGLE" not in result.advice[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("chip", ["OTOS", "Pinpoint"])
 def test_a_sensor_that_counts_y_the_wrong_way_is_found(make_bench: MakeBench, chip: str) -> None:
     """Pushed to the right in place of the left, it reads what such a sensor reads of a push to the left."""
@@ -172,6 +179,7 @@ def test_a_sensor_that_counts_y_the_wrong_way_is_found(make_bench: MakeBench, ch
     assert ('write "y" into reversed' if chip == "Pinpoint" else "upside down") in result.advice[0]
 
 
+@pytest.mark.full
 def test_a_second_push_that_does_not_come_fails(make_bench: MakeBench) -> None:
     bench = in_world(make_bench)
     plain = bench.tell

@@ -43,6 +43,7 @@ def test_a_gyro_that_is_right_passes_and_tells_its_figures(make_bench: MakeBench
     assert not bench.armed
 
 
+@pytest.mark.full
 def test_its_scale_is_measured(make_bench: MakeBench) -> None:
     """Both gyros see the same turn of a hand."""
     scales = [

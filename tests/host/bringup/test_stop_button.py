@@ -72,6 +72,7 @@ def test_nobody_agrees_nothing_moves(bench: Bench) -> None:
     assert not bench.armed
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("wired", [True, False])
 def test_the_walk_presses_it_only_where_the_file_has_one(make_bench: MakeBench, wired: bool) -> None:
     bench = make_bench()

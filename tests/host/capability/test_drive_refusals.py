@@ -131,6 +131,7 @@ def test_a_pose_in_degrees_is_the_one_in_radians(sitl: str) -> None:
     assert json.loads(result.stdout)["pose"]["theta"] == pytest.approx(math.radians(-20.0), abs=0.03)
 
 
+@pytest.mark.full
 def test_what_the_robot_says_is_shown(url: str) -> None:
     result = omni("drive", "velocity", "0.01", "0", "0", "--duration", "0.1", "--link", url)
     assert "robot: armed" in result.stderr, result.stderr

@@ -67,6 +67,7 @@ def test_on_the_floor_the_body_is_part_of_the_load() -> None:
         check_against_the_exact_loop(chirp(robot, wheel=0))
 
 
+@pytest.mark.full
 def test_gains_show_in_what_is_measured_as_in_what_is_predicted() -> None:
     with connected() as robot:
         quick = chirp(robot, on_stand=True)
@@ -93,6 +94,7 @@ def test_without_the_angle_filter_there_is_no_prediction_but_a_bandwidth() -> No
     assert outcome.remarks
 
 
+@pytest.mark.full
 def test_the_folder_has_numbers_burst_and_picture(tmp_path: Path) -> None:
     with connected() as robot:
         outcome = step(robot, wheel=2, on_stand=True)

@@ -50,6 +50,7 @@ def wheels_for(world: np.ndarray[Any, Any], theta: float) -> np.ndarray[Any, Any
     return result
 
 
+@pytest.mark.full
 @given(st.floats(-0.02, 0.02), st.floats(-0.02, 0.02), st.floats(-3.0, 3.0), st.floats(-0.05, 0.05))
 def test_the_p_controller_is_kp_times_the_error_through_the_kinematics(
     x: float, y: float, theta: float, turn: float

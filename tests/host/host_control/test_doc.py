@@ -90,6 +90,7 @@ def test_the_sketch_takes_the_lines_that_are_lines(sketch: Path, parts: list[tup
     assert outputs(sketch, "".join(text + "*" for text in texts).encode()) == [expected, (0, 0, 0, 0)]
 
 
+@pytest.mark.full
 def test_the_documented_bridge_works(url: str) -> None:
     page = (DOCS / "guides" / "mocap.md").read_text(encoding="utf-8")
     printed = []

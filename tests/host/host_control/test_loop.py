@@ -70,6 +70,7 @@ def test_each_controller_stabilises_from_afar(mode: str, start: Pose) -> None:
     assert setup.stopped()
 
 
+@pytest.mark.full
 def test_from_three_metres_as_in_the_report() -> None:
     setup = Setup(Goal(ORIGIN), Pose(2.2, -2.0, 3.0))
     assert setup.run(60.0).done
@@ -89,6 +90,7 @@ def test_it_follows_a_path_within_millimetres_over_9600_baud(mode: str) -> None:
     assert setup.robot.arduino.lines == setup.radio.lines
 
 
+@pytest.mark.full
 def test_dead_band_compensation_removes_what_a_weak_p_controller_leaves() -> None:
     weak = {"CTL_MODE": "p", "FL_KP_XY": 0.5, "FL_KP_TH": 0.5}
     ends = []

@@ -54,6 +54,7 @@ def test_one_motor_turns_for_its_time() -> None:
     assert lines[-STOP_LINES:] == [STOP] * STOP_LINES
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_leaves_the_robot_stopped(number: signal.Signals) -> None:
     words = ["host-control", "pose", "0", "0", "0", "--source", "vicon:vicon.local/robot", "--link"]

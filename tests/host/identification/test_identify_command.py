@@ -45,6 +45,7 @@ def test_a_file_is_edited_in_place() -> None:
         edited(TEMPLATE, {"geometry.wheel_distance_m": (0.2, "found")})
 
 
+@pytest.mark.full
 def test_a_simulated_robot_becomes_a_robot_file(tmp_path: Path) -> None:
     told = omni("identify", "simulate", "--seed", 5, "--duration", 14, "--name", "mine", "--out", tmp_path, "--json")
     found = told["parameters"]

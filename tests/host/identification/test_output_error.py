@@ -35,6 +35,7 @@ def found_of_runs(runs: list[Dataset], layout: Layout) -> Fit:
     return identify(runs, Model.floor(layout))
 
 
+@pytest.mark.full
 def test_runs_of_the_model_itself_give_its_parameters_back(driven: list[Dataset], layout: Layout) -> None:
     found = identify(driven, Model.floor(layout))
     np.testing.assert_allclose(found.estimate.values[:4], TRUE[:4], rtol=2e-3)
@@ -51,6 +52,7 @@ def test_intervals_hold_the_truth_of_simulated_robots(simulated: SimulatedRobot,
         assert found.half_width(name) < 0.1 * truth[name]
 
 
+@pytest.mark.full
 def test_noise_of_the_supply_does_not_swell_the_inertia(driven: list[Dataset], layout: Layout) -> None:
     """Plain output error overestimates inertia by several of its own intervals here."""
     draw = np.random.default_rng(3)
@@ -76,6 +78,7 @@ def test_quantised_encoders_leave_a_residual_of_their_own(found_of_runs: Fit) ->
     assert any("not white" in remark for remark in found.remarks())
 
 
+@pytest.mark.full
 def test_unknown_speeds_and_gaps_are_left_out(driven: list[Dataset], layout: Layout) -> None:
     damaged = []
     for run in driven:
@@ -107,12 +110,14 @@ def test_a_direction_that_was_not_driven_is_named(
     assert caught.value.hint
 
 
+@pytest.mark.full
 def test_full_duty_is_refused(layout: Layout) -> None:
     runs = [model_run(layout, np.sign(duty) * (np.abs(duty) > 0.05)) for duty in profiles(layout)]
     with pytest.raises(IdentificationError, match="full duty"):
         identify(runs, Model.floor(layout))
 
 
+@pytest.mark.full
 def test_some_full_duty_is_left_out_and_told(layout: Layout) -> None:
     runs = [model_run(layout, np.clip(1.75 * duty, -1.0, 1.0)) for duty in profiles(layout)]
     found = identify(runs, Model.floor(layout))
@@ -133,6 +138,7 @@ def test_wrong_directions_are_refused(driven: list[Dataset], layout: Layout) -> 
         identify([replace(run, voltage_V=-run.voltage_V) for run in driven], Model.floor(layout))
 
 
+@pytest.mark.full
 def test_steps_that_do_not_settle_give_no_estimate(
     driven: list[Dataset], layout: Layout, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -142,6 +148,7 @@ def test_steps_that_do_not_settle_give_no_estimate(
         identify(driven, Model.floor(layout))
 
 
+@pytest.mark.full
 def test_what_an_encoder_rounds_is_not_held_against_the_model(layout: Layout) -> None:
     """The model is right about these robots. With 200 counts per turn a fifth of what they show is rounding."""
     count_rad = 2.0 * np.pi / 200.0

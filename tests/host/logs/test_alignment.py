@@ -28,6 +28,7 @@ def truth(offset: float, rotation: float, mirrored: bool, scale: float = 1.0, st
     return Truth(time + offset, xy @ np.array([[c, s], [-s, c]]) + (0.3, -0.7), np.full(len(time), np.nan))
 
 
+@pytest.mark.full
 @given(offset=st.floats(-3.0, 3.0), rotation=st.floats(-3.1, 3.1), mirrored=st.booleans(), given_to=st.booleans())
 def test_clock_and_frame_are_found(offset: float, rotation: float, mirrored: bool, given_to: bool) -> None:
     known = truth(offset, rotation, mirrored)

@@ -30,6 +30,7 @@ def study(runs: list[WheelLog], robot: Robot) -> LogStudy:
     return identify_from_logs(runs, robot)
 
 
+@pytest.mark.full
 def test_radii_by_wheel_and_direction_are_recovered(study: LogStudy) -> None:
     whole = study.whole
     assert whole.forward_radius_m == pytest.approx(KNOWN.forward_m, rel=0.05)
@@ -72,11 +73,13 @@ def _swap(paths: tuple[Path, Path], mapping: Mapping) -> tuple[Path, Mapping, Pa
     return paths[0], mapping, paths[1]
 
 
+@pytest.mark.full
 def test_a_wrong_sign_is_noticed(runs: list[WheelLog], robot: Robot) -> None:
     with pytest.raises(LogError, match="against the measured heading"):
         identify_odometry([replace(log, counts=-log.counts, duty=-log.duty) for log in runs], robot)
 
 
+@pytest.mark.full
 def test_runs_that_do_not_turn_leave_the_nominal_distance(runs: list[WheelLog], robot: Robot) -> None:
     still = [replace(log, heading_rad=np.zeros(len(log.time_s))) for log in runs]
     found = identify_odometry(still, robot)

@@ -63,6 +63,7 @@ def test_the_import_names_a_frozen_column(files: Path, tmp_path: Path) -> None:
     assert "w2 is frozen from" in said
 
 
+@pytest.mark.full
 def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tmp_path: Path) -> None:
     out = tmp_path / "identified.toml"
     told = omni_json(
@@ -99,6 +100,7 @@ def test_identified_on_some_runs_replays_another(imported: Path, files: Path, tm
     )  # fmt: skip
 
 
+@pytest.mark.full
 def test_leave_one_out_names_every_run_and_writes_nothing(
     imported: Path, files: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -118,6 +120,7 @@ def test_leave_one_out_names_every_run_and_writes_nothing(
     assert "give --out" in omni(*told[:-1], code=2)
 
 
+@pytest.mark.full
 def test_a_run_folder_is_replayed_with_the_core_that_drove_it(tmp_path: Path) -> None:
     told = omni_json("sim", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
     replayed = omni_json("replay", told["folder"], "--robot", told["robot"])

@@ -348,6 +348,7 @@ def test_the_command_bridges_a_recording_over_a_serial_line(tmp_path: Any) -> No
     assert math.hypot(pose.x, pose.y) == pytest.approx(0.5, abs=0.05)
 
 
+@pytest.mark.full
 def test_the_command_bridges_optitrack() -> None:
     """From the packets of a rigid body on the network to the robot's estimate."""
     turned = (0.0, 0.0, math.sin(0.35), math.cos(0.35))

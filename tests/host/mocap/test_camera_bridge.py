@@ -57,6 +57,7 @@ class Filmed:
         """Nothing to close."""
 
 
+@pytest.mark.full
 def test_a_robot_that_did_not_know_its_place_drives_by_the_camera(tmp_path: Path) -> None:
     """It stands 0.2 m from where it starts to believe; the camera alone can tell it."""
     path = {"TRJ_TYPE": "circle", "TRJ_SIZE": 0.2, "TRJ_PERIOD": 20.0, "TRJ_ROT": "fixed", "EKF_GATE": 0.0}

@@ -56,6 +56,7 @@ def store(folder: Path, pictures: Sequence[tuple[str, Array]]) -> Path:
     return folder
 
 
+@pytest.mark.full
 def test_from_print_to_poses(tmp_path: Path, boards: list[tuple[str, Array]]) -> None:
     run("markers", str(tmp_path / "tags"), "--sheets", "svg", "--floor", "2")
     camera = tmp_path / "tags" / "camera.toml"
@@ -88,6 +89,7 @@ def test_from_print_to_poses(tmp_path: Path, boards: list[tuple[str, Array]]) ->
     assert all(pose.arrived_s - pose.taken_s >= 0.01 for pose in recorded)
 
 
+@pytest.mark.full
 def test_a_known_lens_is_found_again(boards: list[tuple[str, Array]]) -> None:
     """All over the picture the found lens sees in the same directions, but for a turn of the whole camera."""
     lens = find_lens(collect(boards))
@@ -103,6 +105,7 @@ def test_a_known_lens_is_found_again(boards: list[tuple[str, Array]]) -> None:
     assert lens.focal_px == pytest.approx(SMALL.focal_px, rel=0.01)
 
 
+@pytest.mark.full
 def test_too_few_too_similar_and_one_sided_pictures_are_refused(boards: list[tuple[str, Array]]) -> None:
     with pytest.raises(CameraError, match="0 pictures of the board can be used; 10 are needed"):
         find_lens(collect([("empty", SCENE.picture(None))]))
@@ -116,6 +119,7 @@ def test_too_few_too_similar_and_one_sided_pictures_are_refused(boards: list[tup
         collector.add("large", np.zeros((100, 100), np.uint8))
 
 
+@pytest.mark.full
 def test_boards_at_one_side_only_are_refused(boards: list[tuple[str, Array]]) -> None:
     collected = collect(boards)
     for view in collected.views:
@@ -124,6 +128,7 @@ def test_boards_at_one_side_only_are_refused(boards: list[tuple[str, Array]]) ->
         find_lens(collected)
 
 
+@pytest.mark.full
 def test_a_board_that_is_not_flat_is_refused(boards: list[tuple[str, Array]]) -> None:
     collected = collect(boards)
     for view in collected.views:
@@ -133,6 +138,7 @@ def test_a_board_that_is_not_flat_is_refused(boards: list[tuple[str, Array]]) ->
         find_lens(collected)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_printed_tag_has_its_size_and_is_found(family: str, tmp_path: Path) -> None:
     for name, sheet in [*sheets(family, [1], 0.15, 10, 0.12, "a4")][1:]:
@@ -148,6 +154,7 @@ def test_a_printed_tag_has_its_size_and_is_found(family: str, tmp_path: Path) ->
         assert tag.corners[3][1] > tag.corners[0][1]
 
 
+@pytest.mark.full
 def test_sheets_are_written_in_true_size(tmp_path: Path) -> None:
     run("markers", str(tmp_path / "a"), "--paper", "letter", "--floor", "1")
     page = (tmp_path / "a" / "floor-1.pdf").read_bytes()

@@ -43,11 +43,13 @@ def error(seen: Look, truth: Pose) -> Array:
     return np.array([x, y, math.remainder(theta, math.tau)])
 
 
+@pytest.mark.full
 def test_the_place_of_the_camera_is_found(eye: Watcher) -> None:
     assert eye.eye is not None
     assert np.linalg.norm(eye.eye.position - VIEW.position) < 0.003
 
 
+@pytest.mark.full
 def test_poses_all_over_the_floor_are_as_good_as_stated(eye: Watcher) -> None:
     draw = np.random.default_rng(3)
     ratios, errors = [], []
@@ -68,6 +70,7 @@ def test_axes_and_turns_are_the_worlds(eye: Watcher, truth: Pose) -> None:
     assert error(eye.look(SCENE.picture(truth)), truth) == pytest.approx([0.0, 0.0, 0.0], abs=0.006)
 
 
+@pytest.mark.full
 def test_a_tag_aside_and_turned_on_the_robot_gives_the_robots_pose(tmp_path: Path) -> None:
     robot = Robot((Sheet(10, 0.03, -0.02, 0.9, 0.12, 0.1), Sheet(11, -0.06, 0.04, -2.0, 0.08, 0.08)), 0.14, 0.08)
     here = scene(VIEW, robot, NEAR)
@@ -80,6 +83,7 @@ def test_a_moving_robot_is_where_it_was_in_the_middle_of_the_exposure(eye: Watch
     assert error(eye.look(SCENE.picture(path)), HERE) == pytest.approx([0.0, 0.0, 0.0], abs=0.012)
 
 
+@pytest.mark.full
 def test_a_shadow_and_poor_light_cost_accuracy_and_no_truth(eye: Watcher) -> None:
     for light in ({"shadow": 0.5, "shadow_edge": 0.15}, {"gain": 0.3, "noise": 4.0}):
         assert error(eye.look(spoilt(**light).picture(HERE)), HERE) == pytest.approx([0.0, 0.0, 0.0], abs=0.012)
@@ -125,6 +129,7 @@ def test_a_tag_that_is_partly_covered_gives_the_pose_or_none(eye: Watcher) -> No
     assert poses < len(places)
 
 
+@pytest.mark.full
 def test_a_camera_that_was_pushed_gives_no_pose(eye: Watcher) -> None:
     pushed = replace(SCENE, view=replace(VIEW, target=(0.02, 0.0, 0.0)), cache={})
     seen = eye.look(pushed.picture(HERE))
@@ -132,6 +137,7 @@ def test_a_camera_that_was_pushed_gives_no_pose(eye: Watcher) -> None:
     assert "camera or tag moved" in seen.reason
 
 
+@pytest.mark.full
 def test_one_floor_tag_that_was_kicked_is_outvoted(eye: Watcher) -> None:
     kicked = replace(SCENE, floor=(replace(NEAR[0], x=NEAR[0].x + 0.05), *NEAR[1:]), cache={})
     assert error(eye.look(kicked.picture(HERE)), HERE) == pytest.approx([0.0, 0.0, 0.0], abs=0.006)
@@ -152,6 +158,7 @@ class Given:
         pass
 
 
+@pytest.mark.full
 def test_times_are_told_and_wrong_times_and_frozen_pictures_refused(eye: Watcher) -> None:
     one, two = SCENE.picture(HERE, 1), SCENE.picture(HERE, 2)
     frames = Given([(one, 10.0), (one, 10.1), (two, 9.9), (two, 10.0), (two, 10.2)])

@@ -84,6 +84,7 @@ def swinging(late_s: float) -> Iterator[tuple[Late, Robot]]:
             yield source, robot
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("late_s", [0.0314, -0.02])
 def test_the_real_firmware_tells_how_late_poses_are(late_s: float) -> None:
     """Its wheels slip by up to 10 %, poses come at 30 Hz with 3 mrad of noise."""
@@ -96,6 +97,7 @@ def test_the_real_firmware_tells_how_late_poses_are(late_s: float) -> None:
     assert found.poses > 300
 
 
+@pytest.mark.full
 def test_the_command_watches_the_real_firmware(monkeypatch: pytest.MonkeyPatch) -> None:
     """All of the command runs, in simulated time."""
     with swinging(0.05) as (source, _):
@@ -161,6 +163,7 @@ def test_fixes_from_elsewhere_are_noticed() -> None:
             observe(source, robot, 3.0, 2.0)
 
 
+@pytest.mark.full
 def test_a_robot_that_is_silent_is_said() -> None:
     with swinging(0.0) as (source, robot):
         robot.connection.link.write = lambda data: None  # type: ignore[method-assign]
@@ -201,6 +204,7 @@ def headings(
     return Headings(**{**made, **changed})
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("restless_s", [20.0, 9.0])
 def test_the_limit_is_true_on_two_hundred_pushed_robots(restless_s: float) -> None:
     """By hand, wheels slip: 20 mrad in a second, on no straight line. Some are hardly turned after ``restless_s``."""
@@ -308,6 +312,7 @@ def test_the_page_shows_what_is_printed(monkeypatch: pytest.MonkeyPatch) -> None
     assert f"```\n{shown}\n```" in PAGE.read_text()
 
 
+@pytest.mark.full
 def test_the_command_prints_and_ends_with_an_error_code(monkeypatch: pytest.MonkeyPatch) -> None:
     """Firmware and stream are real, what was watched is not: a busy computer's seconds tell no delay."""
     watched: list[Headings] = [headings(0.03), headings(0.03), headings(robot_rad=STILL)]

@@ -209,6 +209,7 @@ def broken() -> NatNetStream:
     raise RuntimeError("no\nluck")
 
 
+@pytest.mark.full
 def test_whatever_a_library_raises_reaches_the_program() -> None:
     with pytest.raises(MocapLostError, match="the library failed: RuntimeError: no luck"):
         ProcessSource("broken", broken)

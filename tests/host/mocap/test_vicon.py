@@ -140,6 +140,7 @@ def test_the_reader_process_reports_its_errors(library: ModuleType) -> None:
         ViconSource("nowhere", "robot")
 
 
+@pytest.mark.full
 def test_a_reader_process_that_dies_is_noticed(library: ModuleType) -> None:
     source = ViconSource("vicon.local", "robot")
     try:
