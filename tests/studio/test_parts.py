@@ -6,6 +6,9 @@ from __future__ import annotations
 import struct
 import threading
 from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -24,6 +27,7 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
 from omniwheel.studio.session import Session, _Silence
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
+from omniwheel.studio.studio import Studio
 from omniwheel.studio.urgent_link import UrgentLink
 from omniwheel.studio.work_queue import SETPOINT, STOP, WorkQueue
 from omniwheel.telemetry import Battery, GyroState, Tracking, Wheels
@@ -236,6 +240,22 @@ def test_a_drag_is_one_step_and_a_refusal_is_none() -> None:
     assert edits.steps == (2, 0)
     assert edits.undo() == {"A": 3.0}
     assert edits.undo() == {"A": 0.0}
+
+
+def test_the_same_number_from_another_page_is_another_step(tmp_path: Path) -> None:
+    """Each page counts its steps from 1, also after a reload."""
+    studio = Studio(tmp_path)
+    edits = Edits(Values(A=0.0))  # type: ignore[arg-type]
+    studio.session = cast("Session", SimpleNamespace(edits=edits, do=lambda work, is_setpoint: work(None)))
+    for value in (1.0, 2.0):
+        page = studio.open_page()
+        studio.take_over(page)
+        for more in (0.0, 0.5):
+            studio.ask(page, "set", {"values": {"A": value + more}, "step": 1})
+    assert edits.steps == (2, 0)
+    assert edits.undo() == {"A": 1.5}
+    studio.session = None
+    studio.close()
 
 
 # ---- who may reach it

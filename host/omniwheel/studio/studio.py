@@ -243,6 +243,8 @@ class Studio:
         session = self.require_session()
         self.experiments.require_idle()
         self.bring_up.require_idle()
+        if "step" in request:  # each page numbers its own
+            request = {**request, "step": (page.name, request["step"])}
         if action in MOVES:
             return session.do_long(lambda robot: work(robot, _edits(session), request))
         return session.do(lambda robot: work(robot, _edits(session), request), is_setpoint=action in SETPOINTS)
