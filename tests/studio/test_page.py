@@ -92,16 +92,18 @@ def test_a_newcomer_starts_a_simulation_drives_and_comes_back(open_page: Opener)
 
 
 def test_a_gain_is_changed_marked_undone_and_redone(page: Page) -> None:
-    before = float(page.input_value(f"#field-{GAIN}"))
-    set_gain(page, GAIN, "15")
-    until(page, "state.undo === 1")
-    until(page, "studio.plots.marked.some((mark) => mark.changes.ISMC_LAM_XY?.[1] === 15)")
+    before, steps = float(page.input_value(f"#field-{GAIN}")), page.evaluate("studio.state.undo")
+    wanted = round(before) + 1  # exact as a float32, whatever the slider has left
+    set_gain(page, GAIN, str(wanted))
+    until(page, f"state.undo === {steps} + 1")
+    until(page, f"studio.plots.marked.some((mark) => mark.changes.{GAIN}?.[1] === {wanted})")
     page.keyboard.press("Tab")
     page.click("#undo")
     until(page, f"Number(document.getElementById('field-{GAIN}').value) === {before}")
     page.click("#redo")
-    until(page, f"Number(document.getElementById('field-{GAIN}').value) === 15")
-    assert page.locator(f"[data-name={GAIN}] .tag.start").text_content() == f"was {before:g}"
+    until(page, f"Number(document.getElementById('field-{GAIN}').value) === {wanted}")
+    start = page.locator(f"[data-name={GAIN}] .tag.start").text_content() or ""
+    assert float(start.removeprefix("was ")) == pytest.approx(before, rel=1e-4), "as many digits as the tag shows"
 
 
 def test_a_dragged_slider_changes_the_robot_and_is_one_step(page: Page) -> None:
