@@ -8,7 +8,8 @@ import subprocess
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-TOOLS = ("ruff", "clang-format", "mypy", "lint-imports", "python", "make", "cmake", "cppcheck", "clang-tidy")
+TOOLS = ("ruff", "clang-format", "mypy", "lint-imports", "python", "make", "cmake")
+"""The module that runs clang-tidy and cppcheck is one of python's."""
 
 
 def lint(folder: Path, *failing: str) -> tuple[int, str, set[str]]:
@@ -27,8 +28,8 @@ def lint(folder: Path, *failing: str) -> tuple[int, str, set[str]]:
 
 def test_every_linter_runs_and_those_that_failed_are_named(tmp_path: Path) -> None:
     assert lint(tmp_path / "good") == (0, "lint: all passed", set(TOOLS))
-    code, last, ran = lint(tmp_path / "bad", "clang-format", "mypy", "cppcheck")
-    assert (code, last) == (1, "lint FAILED: clang-format,mypy,cppcheck")
+    code, last, ran = lint(tmp_path / "bad", "clang-format", "mypy")
+    assert (code, last) == (1, "lint FAILED: clang-format,mypy")
     assert ran == set(TOOLS)
 
 

@@ -28,7 +28,19 @@ WAITING_S = 1.0
 """Processor time of a silence in which a test waits for what does not come, and does not compute."""
 PATIENCE = 6
 """Silences in which a test computes, until it hangs after all."""
-OPTIONS = ("-q", "-p", "no:cacheprovider", "-p", "no:xdist", "--no-header", "--tb=no", "--assert=plain")
+OPTIONS = (
+    "-q",
+    "-p",
+    "pytest_timeout",
+    "--timeout=0",
+    "-p",
+    "no:cacheprovider",
+    "-p",
+    "no:xdist",
+    "--no-header",
+    "--tb=no",
+    "--assert=plain",
+)
 OURS = ("omniwheel", "hil_sim", "omni_reproduce", "omni_schema", "tests")
 
 
