@@ -9,7 +9,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 TOOLS = ("ruff", "clang-format", "mypy", "lint-imports", "python", "make", "cmake")
-"""The module that runs clang-tidy and cppcheck is one of python's."""
 
 
 def lint(folder: Path, *failing: str) -> tuple[int, str, set[str]]:
