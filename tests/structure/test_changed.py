@@ -38,7 +38,7 @@ def test_a_page_brings_the_tests_of_pages_and_those_that_name_it() -> None:
 
 def test_a_function_of_the_core_brings_what_reaches_it(monkeypatch: pytest.MonkeyPatch) -> None:
     reached = [("tests/core/a.py::one", 0.1, frozenset({"omni_wrap"})), ("tests/core/a.py::two", 0.1, frozenset({"x"}))]
-    monkeypatch.setattr(changed.Reach, "tests", lambda self: iter(reached if self._area.name == "core" else []))
+    monkeypatch.setattr("tests.changed.Reach.tests", lambda self: iter(reached if self._area.name == "core" else []))
     monkeypatch.setattr(changed, "changed_functions", lambda path, since: {"omni_wrap"})
     assert "tests/core/a.py::one" in chosen("shared/core/src/math/angle.c")
     assert "tests/core/a.py::two" not in chosen("shared/core/src/math/angle.c")
