@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+import faulthandler
 import fcntl
 import hashlib
 import os
 import shlex
+import signal
 import subprocess
 import sysconfig
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
@@ -18,6 +21,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
+BUILD_S = 600.0
 CAST_TRAPS = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error", "-Wno-conversion")
 _ENVIRONMENT = ("CC", "CXX", "OMNI_SANITIZED")
 _MUTANT = ("OMNI_CHANGED", "OMNI_OPTIONS")
@@ -83,7 +87,8 @@ def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = 
     With a mutant's compiler, which changes what it reads, nothing is kept.
     """
     if any(os.environ.get(key) for key in _MUTANT):
-        return build_library(Path(mkdtemp(prefix="omni-library-")), name, sources, includes, **options)
+        with untimed():
+            return build_library(Path(mkdtemp(prefix="omni-library-")), name, sources, includes, **options)
     headers = sorted(
         {
             *(path for folder in (*includes, *_SHARED_FOLDERS, generated_dir()) for path in folder.rglob("*.h")),
@@ -95,7 +100,7 @@ def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = 
         digest.update(f"{path}\0".encode() + path.read_bytes())
     folder = ROOT / "build" / "test-libraries" / f"{name}-{digest.hexdigest()[:16]}"
     folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "lock").open("w") as lock:
+    with untimed(), (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         kept = folder / "kept"
         if not kept.exists():
@@ -107,6 +112,20 @@ def kept_library(name: str, sources: Sequence[Path], includes: Sequence[Path] = 
 def core_archive() -> Path:
     """Return the control core as the installed package was built from it, tables included (not sanitized)."""
     return generated_dir().parent / "shared" / "core" / "libomni_core.a"
+
+
+@contextmanager
+def untimed() -> Iterator[None]:
+    """Stop the clock of a test's time limit: which test builds first, and how long others wait for it, is chance.
+
+    A compiler that hangs ends at its own limit (BUILD_S).
+    """
+    left_s, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
+    faulthandler.cancel_dump_traceback_later()  # tests/tiers.py: nothing tells how much of it is left
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, left_s)
 
 
 @cache
@@ -127,5 +146,5 @@ def _compiler(variable: str, default: str) -> list[str]:
 def _run(command: list[str]) -> None:
     # The sanitizers' runtime, when it is preloaded into the tests, has no business in the compiler.
     environment = {name: value for name, value in os.environ.items() if name != "LD_PRELOAD"}
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment, timeout=BUILD_S)
     assert done.returncode == 0, f"{shlex.join(command)}\n{done.stderr}"
