@@ -8,9 +8,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake>=3.20' ninja 'setuptools<81' \
                'tomli>=2; python_version<"3.11"'
 
-BUILD_INPUTS := $(shell find shared firmware hil_sim host cmake CMakeLists.txt pyproject.toml \
-                  \( -name '*.c' -o -name '*.h' -o -name '*.cpp' -o -name '*.hpp' -o -name '*.toml' -o -name '*.xml' -o -name '*.ld' \
-                  -o -name 'CMakeLists.txt' -o -name '*.cmake' -o -path 'shared/generate/*.py' -o -path 'host/native/*.py' \))
+BUILD_INPUTS := $(shell $(PYTHON) host/omniwheel/build_inputs.py)
 C_FILES = $(wildcard $(shell git ls-files --cached --others --exclude-standard '*.c' '*.h' '*.cpp' '*.hpp' '*.ino'))
 # Processes that run the tests; 0: in make's own terminal, one test after another.
 WORKERS ?= auto

@@ -25,9 +25,14 @@ def _show_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version  # it takes long to import
 
+        from omniwheel.build_record import load_record
         from omniwheel.cli.common import console
 
-        console.print(f"omniwheel {version('omniwheel')}")
+        record = load_record()
+        own = (
+            f", controller {record.controller} from {record.controller_folder}" if record and record.controller else ""
+        )
+        console.print(f"omniwheel {version('omniwheel')}{own}", markup=False, soft_wrap=True)
         raise typer.Exit
 
 

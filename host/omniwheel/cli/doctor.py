@@ -105,8 +105,11 @@ def _package_versions() -> str:
 
 def _core_version() -> str:
     from omniwheel import _core
+    from omniwheel.build_record import load_record
 
-    return f"loaded, {_core.lib.OMNI_PARAM_COUNT} parameters"
+    record = load_record()
+    own = f", controller {record.controller} from {record.controller_folder}" if record and record.controller else ""
+    return f"loaded, {_core.lib.OMNI_PARAM_COUNT} parameters{own}"
 
 
 def _dialect_size() -> str:

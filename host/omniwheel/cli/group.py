@@ -11,6 +11,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from omniwheel.build_record import load_record
 from omniwheel.cli.command_table import OLD_NAMES, TABLE, Entry, load
 from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, note, print_json
 from omniwheel.cli.completion import take_words_as_they_are
@@ -68,6 +69,7 @@ class OmniGroup(TyperGroup):
 
     def invoke(self, ctx: Any) -> Any:
         """Run the command."""
+        warn_of_newer_sources()
         try:
             return super().invoke(ctx)
         except OmniError as error:
@@ -109,6 +111,16 @@ class OmniGroup(TyperGroup):
 
             ctx.fail(f"no such command: {words[0]}{did_you_mean(words[0], _ENTRIES)}")
         return super().resolve_command(ctx, words)
+
+
+def warn_of_newer_sources() -> None:
+    """Print a warning if the source tree has changed since what runs was built from it."""
+    with suppress(MissingFileError, OSError):  # without a build there is an error of its own
+        record = load_record()
+        newer = record.newer_inputs() if record else []
+        if record and newer:
+            more = f" and {len(newer) - 1} more" if len(newer) > 1 else ""
+            note(f"warning: {newer[0]}{more} changed after the build; {record.remedy}")
 
 
 def _line_of(entry: Entry) -> TyperCommand:
