@@ -183,6 +183,18 @@ def test_monitor_once(url: str) -> None:
     assert [word for word in heading.split() if word.isdigit()] == ["1", "2", "3"]
 
 
+def test_monitor_shows_the_fields_of_any_message(url: str) -> None:
+    from omniwheel.dialect import mavlink
+
+    told = run_json("monitor", "-m", "OMNI_CONTROL", "-m", "heartbeat", "--link", url)
+    for name, fields in told.items():
+        assert list(fields) == getattr(mavlink, f"MAVLink_{name.lower()}_message").fieldnames
+    assert list(told) == ["OMNI_CONTROL", "HEARTBEAT"]
+    assert told["HEARTBEAT"]["type"] == mavlink.MAV_TYPE_GROUND_ROVER
+    assert "OMNI_CONTROL  time_boot_ms=" in run("monitor", "--once", "-m", "OMNI_CONTROL", "--link", url).stdout
+    assert "OMNI_CONTROL?" in run("monitor", "-m", "OMNI_CONTROLL", "--link", url, code=2).stderr
+
+
 def test_the_monitor_does_not_show_an_old_state_as_the_present_one(robot: Any, fake: Any) -> None:
     from rich.console import Console
 

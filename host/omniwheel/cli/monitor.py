@@ -34,7 +34,11 @@ if TYPE_CHECKING:
     from omniwheel.sensor_quality import Sensor
     from omniwheel.status import RobotStatus
 
-EXAMPLES = examples("omni monitor --link tcp:127.0.0.1:5760", "omni monitor --once --json")
+EXAMPLES = examples(
+    "omni monitor --link tcp:127.0.0.1:5760",
+    "omni monitor --once --json",
+    "omni monitor --message OMNI_CONTROL --json",
+)
 _REFRESH_S = 0.1
 _SILENT_S = 2.5
 _STATE_STYLES = {"armed": "bold green", "disarmed": "cyan", "failsafe": "bold red", "estop": "bold red"}
@@ -44,15 +48,26 @@ _SHOWN_TEXTS = 4
 
 def monitor(
     once: Annotated[bool, typer.Option("--once", help="Print one snapshot and end.")] = False,
+    message: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--message", "-m", metavar="NAME", help="Print the fields of this MAVLink message instead. Repeatable."
+        ),
+    ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
     """Show state, pose, wheels, sensors and faults of a robot until Ctrl-C. --json implies --once."""
+    from omniwheel.cli.monitor_messages import known_names, show_messages
     from omniwheel.drive_log import is_slow
     from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, told_of_sensors
 
+    names = known_names(message or ())
     with open_robot(link, timeout_s=timeout, texts=False) as robot:
+        if names:
+            show_messages(robot, names, once=once, as_json=as_json)
+            return
         wheels = int(robot.parameters["WHEELS"])
         with told_of_sensors(robot, RADIO_RATE_HZ if is_slow(robot.url) else RATE_HZ) as sensors:
             if once or as_json:
