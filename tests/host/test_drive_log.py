@@ -38,6 +38,7 @@ def test_a_drive_is_kept_listed_compared_plotted_renamed_and_deleted(sitl: str, 
         assert "run.png" in driven.stderr
     first = json.loads((runs / "drive-pose" / "drive.json").read_text())
     assert (first["asked"], first["end"], first["stops"]) == ("pose 0 0.05 0", "done", [])
+    assert first["controller"] == "ismc"
     assert first["numbers"]["way_m"] == pytest.approx(0.05, abs=0.02)
     assert {"armed", "state armed"} <= {event["what"] for event in first["events"]}
     assert {path.name for path in (runs / "drive-pose").iterdir()} == {
@@ -45,6 +46,7 @@ def test_a_drive_is_kept_listed_compared_plotted_renamed_and_deleted(sitl: str, 
     }  # fmt: skip
     output = run("runs", "--folder", runs, "--json")[1]
     assert [entry["name"] for entry in json.loads(output)["runs"]] == ["drive-pose", "drive-pose-2"]
+    assert {entry["controller"] for entry in json.loads(output)["runs"]} == {"ismc"}
     assert "0.05" in run("runs", "--folder", runs, "--find", "0.05")[1]
     compared = json.loads(run("runs", "compare", "drive-pose", "drive-pose-2", "--folder", runs, "--json")[1])
     assert compared["parameters"] == {"ISMC_LAM_XY": [4.0, 12.0]}

@@ -167,3 +167,11 @@ def test_sim_takes_another_robot_and_other_numbers(tmp_path: Path) -> None:
 def test_a_setting_that_is_none_is_refused(tmp_path: Path, word: str) -> None:
     omni("sim", "demo", "--set", word, "--out", tmp_path, code=2)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_says_which_controller_drove(tmp_path: Path) -> None:
+    output = omni("sim", "no_slip", "--set", "CTL_MODE=pd", "--duration", "2", "--out", tmp_path)
+    assert "controller pd" in output
+    (summary,) = tmp_path.glob("*/summary.json")
+    assert json.loads(summary.read_text(encoding="utf-8"))["controller"] == "pd"
+    assert "controller pd" in omni("runs", "--folder", tmp_path)

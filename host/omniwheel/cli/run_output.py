@@ -349,6 +349,7 @@ def print_run(summary: Figures, folder: Path) -> None:
 def print_facts(summary: Figures) -> None:
     """Print how a run came about: change, faults, speed, timing."""
     change, tick = summary["change"], summary["tick_us"]
+    console.print(f"controller {summary['controller']}")
     if change is not None:
         console.print(f"changed at {change['time_s']:.2f} s: {change['what']}")
     if summary["faults"]:

@@ -49,7 +49,8 @@ def runs(
         return
     for entry in entries:
         console.print(f"[cyan]{escape(entry.name)}[/]", soft_wrap=True)  # a name is copied: it stays in one piece
-        told = "; ".join(text for text in (entry.asked, entry.end, ", ".join(headline(entry))) if text)
+        controller = f"controller {entry.controller}" if entry.controller else ""
+        told = "; ".join(text for text in (entry.asked, controller, entry.end, ", ".join(headline(entry))) if text)
         console.print(Padding(escape(told), (0, 0, 0, 4)))
 
 

@@ -25,6 +25,7 @@ DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", "telemetry.tlog", "run.png"
 BEFORE_FILE, AFTER_FILE = "parameters.toml", "parameters_after.toml"
 SLOW_BAUD = 57_600
 """Below this, reading all parameters would hold the drive up for many seconds: those that are known are kept."""
+CONTROLLER = "CTL_MODE"
 WATCHED, WATCHED_HZ = ("OMNI_TRACKING", "OMNI_WHEELS"), 50.0
 """What a faster link is asked for while the drive lasts."""
 
@@ -77,6 +78,7 @@ class DriveLog:
         self._robot = robot
         slow = is_slow(robot.url)
         self._before = dict(robot.parameters.known) if slow else robot.parameters.download()
+        self._before[CONTROLLER] = robot.parameters[CONTROLLER]
         for name in () if slow or not set_rates else WATCHED:
             robot.set_message_interval(name, WATCHED_HZ)
         parameter_file.write(self.folder / BEFORE_FILE, self._before, robot.table)
@@ -129,13 +131,15 @@ def write_drive(folder: Path, drive: Drive, table: ParameterTable, record: Telem
     """Write drive.json, and the parameters after the drive if they changed. Raises OutputFileError."""
     if drive.after != drive.before:
         parameter_file.write(folder / AFTER_FILE, drive.after, table)
-    files.write_json(folder / DRIVE_FILE, _document(drive, record))
+    files.write_json(folder / DRIVE_FILE, _document(drive, table, record))
 
 
-def _document(drive: Drive, record: TelemetryRecord | None) -> dict[str, Any]:
+def _document(drive: Drive, table: ParameterTable, record: TelemetryRecord | None) -> dict[str, Any]:
+    number = drive.before.get(CONTROLLER)
     return {
         "kind": "drive",
         "asked": drive.asked,
+        "controller": "" if number is None else parameter_file.format_value(table.get(CONTROLLER), number),
         "began": drive.began.isoformat(timespec="seconds"),
         "end": drive.end,
         "link": drive.link,

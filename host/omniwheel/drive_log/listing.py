@@ -36,7 +36,7 @@ _HEADLINE = ("duration_s", "position_rmse_m", "heading_rmse_rad", "top_speed_m_s
 class RunEntry:
     """One run: ``kind`` is "drive" or "simulated"; numbers by the keys of UNITS, None where not known.
 
-    ``robot`` is the link of a real one, the name of a simulated one, "" if it is not known.
+    ``robot`` is the link of a real one, the name of a simulated one, "" if it is not known. ``controller``: by name.
     """
 
     folder: Path
@@ -47,6 +47,7 @@ class RunEntry:
     numbers: Mapping[str, float | None]
     parameters: Mapping[str, float]
     robot: str = ""
+    controller: str = ""
 
     @property
     def name(self) -> str:
@@ -135,7 +136,9 @@ def _drive(folder: Path, document: Mapping[str, Any]) -> RunEntry:
     numbers = {key: document["numbers"].get(key) for key, _, _ in UNITS}
     asked, began, end = (str(document[key]) for key in ("asked", "began", "end"))
     link = str(document.get("link", ""))
-    return RunEntry(folder, "drive", asked, began, end, numbers, _parameters(folder), link)
+    return RunEntry(
+        folder, "drive", asked, began, end, numbers, _parameters(folder), link, str(document.get("controller", ""))
+    )
 
 
 def _parameters(folder: Path) -> Mapping[str, float]:
@@ -156,5 +159,5 @@ def _simulated(folder: Path, summary: Mapping[str, Any]) -> RunEntry:
     }
     end = "done" if summary["completed"] else ", ".join(summary["faults"]) or "not driven to its end"
     asked = f"{summary['scenario']}, seed {summary['seed']}"
-    robot = str(summary.get("robot", ""))
-    return RunEntry(folder, "simulated", asked, "", end, numbers, summary["parameters"], robot)
+    robot, controller = (str(summary.get(key, "")) for key in ("robot", "controller"))
+    return RunEntry(folder, "simulated", asked, "", end, numbers, summary["parameters"], robot, controller)
