@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q
 # pip runs with --no-build-isolation, so that the build folder stays valid and rebuilds are incremental.
 BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake>=3.20' ninja 'setuptools<81' \
-               'tomli>=2; python_version<"3.11"'
+               'tomli>=2; python_version<"3.11"' 'tomli-w>=1'
 
 BUILD_INPUTS := $(shell $(PYTHON) host/omniwheel/build_inputs.py)
 C_FILES = $(wildcard $(shell git ls-files --cached --others --exclude-standard '*.c' '*.h' '*.cpp' '*.hpp' '*.ino'))
@@ -18,7 +18,7 @@ WORKERS ?= auto
 help:
 	@echo 'Begin here'
 	@echo '  make demo         set up, then drive the simulated robot through the real firmware'
-	@echo '  make setup        a virtual environment in .venv with everything built, editable'
+	@echo '  make setup        a virtual environment in .venv with everything built, editable (CONTROLLER=folder: with a controller of your own)'
 	@echo '  make studio       see, drive and tune a robot in the browser (make studio ARGS=fast)'
 	@echo '  make studio-page  only the page of it (omni studio needs it)'
 	@echo '  make docs         the documentation as pages: build/docs/html/index.html'
@@ -63,12 +63,27 @@ $(ARM_STAMP):
 	@mkdir -p build && rm -f build/stamp-with-arm build/stamp-without-arm
 	@touch $@
 
+# A controller outside the tree, for every target that builds (docs/how-to-add/controller.md).
+CONTROLLER ?= $(OMNI_CONTROLLER)
+ifneq ($(CONTROLLER),)
+  export OMNI_CONTROLLER := $(shell cd "$(CONTROLLER)" && pwd)
+  $(if $(OMNI_CONTROLLER),,$(error CONTROLLER=$(CONTROLLER): no such folder))
+  CONTROLLER_ARGUMENTS = --controller "$(OMNI_CONTROLLER)"
+endif
+# Another folder or another content is another stamp.
+CONTROLLER_STAMP := build/stamp-controller-$(if $(CONTROLLER),$(shell cd "$(OMNI_CONTROLLER)" && \
+                      { pwd; cat ./*.c ./*.h ./*.toml 2>/dev/null; } | cksum | tr ' ' '-'),none)
+
+$(CONTROLLER_STAMP):
+	@mkdir -p build && rm -f build/stamp-controller-*
+	@touch $@
+
 $(VENV)/stamp-tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
 	$(PIP) install $(BUILD_TOOLS)
 	@touch $@
 
-$(VENV)/stamp-install: $(VENV)/stamp-tools $(ARM_STAMP) $(BUILD_INPUTS)
+$(VENV)/stamp-install: $(VENV)/stamp-tools $(ARM_STAMP) $(CONTROLLER_STAMP) $(BUILD_INPUTS)
 	$(PIP) install --no-build-isolation -e .
 	@touch $@
 
@@ -155,7 +170,7 @@ $(VENV)/stamp-platformio: $(VENV)/stamp-tools
 	@touch $@
 
 firmware: $(VENV)/stamp-platformio
-	$(CHECK_ROBOT)
+	$(CHECK_ROBOT) $(CONTROLLER_ARGUMENTS)
 	$(PIO)
 
 # What `make firmware` linked, run on the emulated chip (make firmware-check ARGS="--depth nightly").

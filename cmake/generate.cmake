@@ -13,15 +13,25 @@ foreach(robot_file IN LISTS robot_files)
 endforeach()
 set(OMNI_ROBOT_FILES ${robot_files})
 
-set(OMNI_GENERATED_SOURCES "${OMNI_GENERATED}/src/params_gen.c" "${OMNI_GENERATED}/src/robots_gen.c")
+set(controller_arguments "")
+set(controller_files "")
+if(OMNI_CONTROLLER)
+  get_filename_component(OMNI_CONTROLLER_FOLDER "${OMNI_CONTROLLER}" ABSOLUTE BASE_DIR "${PROJECT_SOURCE_DIR}")
+  set(controller_arguments --controller "${OMNI_CONTROLLER_FOLDER}")
+  file(GLOB controller_files CONFIGURE_DEPENDS "${OMNI_CONTROLLER_FOLDER}/*.[ch]" "${OMNI_CONTROLLER_FOLDER}/*.toml")
+endif()
+
+set(OMNI_GENERATED_SOURCES "${OMNI_GENERATED}/src/params_gen.c" "${OMNI_GENERATED}/src/robots_gen.c"
+                           "${OMNI_GENERATED}/src/controller_gen.c")
+set(OMNI_SCHEMA "${OMNI_GENERATED}/params.toml")
 set(OMNI_PARAMS_HEADER "${OMNI_GENERATED}/include/omni/params_gen.h" "${OMNI_GENERATED}/include/omni/modules_gen.h"
                        "${OMNI_GENERATED}/include/omni/input_readings_gen.h" "${OMNI_GENERATED}/include/omni/tick_readings_gen.h"
                        "${OMNI_GENERATED}/include/omni/board_readings_gen.h")
 file(GLOB module_headers CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/core/include/omni/*.h")
 add_custom_command(
-  OUTPUT ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER}
-  COMMAND ${generator} --part tables ${robot_arguments}
-  DEPENDS ${generator_sources} ${robot_files} ${module_headers} "${PROJECT_SOURCE_DIR}/shared/params.toml"
+  OUTPUT ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER} "${OMNI_SCHEMA}"
+  COMMAND ${generator} --part tables --part schema ${robot_arguments} ${controller_arguments}
+  DEPENDS ${generator_sources} ${robot_files} ${module_headers} ${controller_files} "${PROJECT_SOURCE_DIR}/shared/params.toml"
           "${PROJECT_SOURCE_DIR}/shared/world.toml"
   COMMENT "Generating parameter and robot tables"
   VERBATIM)
@@ -59,7 +69,7 @@ add_custom_target(
   BYPRODUCTS "${OMNI_GENERATED}/include/omni/version_gen.h"
   COMMENT "Checking version header"
   VERBATIM)
-add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER})
+add_custom_target(omni_tables DEPENDS ${OMNI_GENERATED_SOURCES} ${OMNI_PARAMS_HEADER} "${OMNI_SCHEMA}")
 add_custom_target(omni_world DEPENDS ${OMNI_WORLD_HEADERS} "${OMNI_WORLD_SOURCE}")
 add_custom_target(omni_mavlink ALL DEPENDS "${OMNI_MAVLINK_HEADER}" "${OMNI_PYTHON_DIALECT}"
                                       "${OMNI_PYTHON_TELEMETRY}")
@@ -73,7 +83,7 @@ add_dependencies(omni_mavlink_headers omni_mavlink)
 install(FILES "${OMNI_PYTHON_DIALECT}" "${PROJECT_SOURCE_DIR}/shared/link/omni.xml" DESTINATION omniwheel/dialects)
 # The mark lets mypy look for types beside the generated module, too.
 install(FILES "${OMNI_PYTHON_TELEMETRY}" "${PROJECT_SOURCE_DIR}/host/omniwheel/py.typed" DESTINATION omniwheel)
-install(FILES "${PROJECT_SOURCE_DIR}/shared/params.toml" "${PROJECT_SOURCE_DIR}/shared/world.toml" DESTINATION omniwheel)
+install(FILES "${OMNI_SCHEMA}" "${PROJECT_SOURCE_DIR}/shared/world.toml" DESTINATION omniwheel)
 install(FILES ${OMNI_ROBOT_FILES} DESTINATION omniwheel/robots)
 file(GLOB preset_files CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/presets/*.toml")
 install(FILES ${preset_files} DESTINATION omniwheel/presets)

@@ -59,19 +59,20 @@ def params_header(table: ParameterTable) -> str:
     return "\n".join([*lines, "", "#endif", ""])
 
 
-def modules_header(table: ParameterTable, headers: Path) -> str:
+def modules_header(table: ParameterTable, headers: Sequence[Path]) -> str:
     """Return ``omni/modules_gen.h``: the modules that rows bring, as members of the robot's configuration and state.
 
-    A module without a type of configuration or of state has no such member; its header, below ``headers``, says so.
+    A module without a type of configuration or of state has no such member; its header, in one of the folders
+    ``headers``, says so.
     Raises SchemaError for a header that does not exist.
     """
     lines = [NOTICE, "#ifndef OMNI_MODULES_GEN_H", "#define OMNI_MODULES_GEN_H", ""]
     texts: dict[str, str] = {}
     for p in table.parameters:
         for name, header in p.modules.items():
-            path = headers / f"{header}.h"
-            if not path.is_file():
-                raise SchemaError(table.source, f"{p.name}.modules.{name}", f"names {path.name}, which is not there")
+            path = next((path for folder in headers if (path := folder / f"{header}.h").is_file()), None)
+            if path is None:
+                raise SchemaError(table.source, f"{p.name}.modules.{name}", f"names {header}.h, which is not there")
             texts[header] = path.read_text(encoding="utf-8")
     lines += [f'#include "omni/{header}.h"' for header in sorted(texts)]
     for p in table.parameters:
@@ -158,8 +159,8 @@ def robots_source(robots: Sequence[Robot]) -> str:
     return "\n".join([*lines, "};", ""])
 
 
-def write_c_tables(table: ParameterTable, robots: Sequence[Robot], headers: Path, out: Path) -> None:
-    """Write the five files below ``out``. ``headers``: the core's public ones."""
+def write_c_tables(table: ParameterTable, robots: Sequence[Robot], headers: Sequence[Path], out: Path) -> None:
+    """Write the five files below ``out``. ``headers``: folders of the modules' headers."""
     files = {
         out / "include" / "omni" / "params_gen.h": params_header(table),
         out / "include" / "omni" / "motor_drivers_gen.h": motor_drivers_header(table),

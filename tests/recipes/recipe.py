@@ -136,9 +136,13 @@ def _paragraphs(text: str) -> Iterator[str]:
 class Scratch:
     """A copy of the repository's sources. Its build and its Python packages are its own, too."""
 
-    def __init__(self, root: Path) -> None:
-        """Copy the work tree, with what is not committed yet, to the new folder ``root``."""
+    def __init__(self, root: Path, controller: Path | None = None) -> None:
+        """Copy the work tree, with what is not committed yet, to the new folder ``root``.
+
+        ``controller``: folder of a controller outside the tree, to be built in.
+        """
         self.root = root
+        self._controller = controller
         listed = call(["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"], ROOT)
         for name in filter(None, listed.split("\0")):
             if (ROOT / name).is_file():
@@ -176,6 +180,7 @@ class Scratch:
         plain = ["-DCMAKE_BUILD_TYPE=None", "-DCMAKE_C_FLAGS=-O0", "-DCMAKE_CXX_FLAGS=-O0", "-DOMNI_LANES_AVX2=OFF"]
         plain += ["-G", "Ninja"] if shutil.which("ninja", path=search) else []
         folders = ["-S", str(self.root), "-B", str(build), f"-DPython_EXECUTABLE={sys.executable}"]
+        folders += [f"-DOMNI_CONTROLLER={self._controller or ''}"]
         call(["cmake", *folders, *plain], self.root, environment)
         call(["cmake", "--build", str(build), "--parallel", "2", "--target", *targets], self.root, environment)
         return build
@@ -187,7 +192,7 @@ class Scratch:
             build = self.build("_core", "omni_firmware")
             shutil.copytree(self.root / "host" / "omniwheel", site / "omniwheel")
             shared = self.root / "shared"
-            for schema in shared.glob("*.toml"):
+            for schema in (build / "generated" / "params.toml", shared / "world.toml"):
                 shutil.copyfile(schema, site / "omniwheel" / schema.name)
             for written in (build / "generated" / "python").glob("*.py"):
                 shutil.copyfile(written, site / "omniwheel" / written.name)

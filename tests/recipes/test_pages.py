@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """The pages of docs/how-to-add, followed word by word in a copy of the repository: what each costs, and that it works.
 
-All of them are followed in one copy, so that it is built once. Somebody has added one of each kind there before.
+All of them are followed in one copy, so that it is built once, with the example of a controller outside the tree.
+Somebody has added one of each kind there before.
 """
 
 from __future__ import annotations
@@ -11,7 +12,18 @@ from pathlib import Path
 
 import pytest
 
-from tests.recipes import board, controller, gyro_chip, message, motor_driver, parameter, plant, sensor, trajectory
+from tests.recipes import (
+    board,
+    controller,
+    gyro_chip,
+    message,
+    motor_driver,
+    out_of_tree,
+    parameter,
+    plant,
+    sensor,
+    trajectory,
+)
 from tests.recipes.recipe import PAGES, Edit, Scratch, read_page
 
 FILES = {
@@ -66,7 +78,7 @@ def steps(page: str) -> list[Edit]:
 @pytest.mark.full
 @pytest.mark.timeout(900)
 def test_each_page_costs_few_files_and_what_they_add_works(tmp_path: Path) -> None:
-    copy = Scratch(tmp_path / "copy")
+    copy = Scratch(tmp_path / "copy", controller=out_of_tree.copied_to(tmp_path))
     copy.follow(additions_of_others())
     copy.begin()
     for page, most in FILES.items():
@@ -79,5 +91,5 @@ def test_each_page_costs_few_files_and_what_they_add_works(tmp_path: Path) -> No
     assert set(copy.touched()) == {
         edit.path for page in FILES for edit in steps(page) if not edit.path.startswith(("docs/", "tests/"))
     }
-    for check in CHECKS.values():
+    for check in (*CHECKS.values(), out_of_tree.check):
         check(copy)

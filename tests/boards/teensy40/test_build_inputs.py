@@ -73,6 +73,19 @@ def test_a_change_of_any_input_is_seen(root: Path, robot: Path, name: str) -> No
     assert inputs.fingerprint(root, robot) != before
 
 
+def test_a_controller_outside_the_tree_is_read_and_a_change_of_it_is_seen(root: Path, robot: Path) -> None:
+    folder = root / "my law"
+    folder.mkdir()
+    (folder / "law.c").touch()
+    assert inputs.controller_folder(root, {}) is None
+    assert inputs.controller_folder(root, {"OMNI_CONTROLLER": str(folder)}) == folder
+    states = [inputs.fingerprint(root, robot), inputs.fingerprint(root, robot, folder)]
+    for name in ("law.c", "parameters.toml"):
+        (folder / name).write_text("changed", encoding="utf-8")
+        states.append(inputs.fingerprint(root, robot, folder))
+    assert len(set(states)) == len(states)
+
+
 def test_another_robot_and_a_new_file_of_the_dialect_are_seen(root: Path, robot: Path) -> None:
     before = inputs.fingerprint(root, robot)
     assert inputs.fingerprint(root, root / "shared" / "robots" / "four_wheel.toml") != before

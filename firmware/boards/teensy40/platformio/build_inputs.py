@@ -19,6 +19,9 @@ _CONFIG_FILE = re.compile(r"""^\s*(?:gyro\.)?config_file\s*=\s*(["'])(.*?)\1""",
 VARIABLE = "OMNI_ROBOT"
 """The environment variable that names a robot file of one's own; as ``custom_robot``: that file."""
 
+CONTROLLER = "OMNI_CONTROLLER"
+"""The environment variable that names the folder of a controller outside the tree."""
+
 
 def robot_file(root: Path, project_option: str, environ: Mapping[str, str]) -> Path:
     """Return the robot file that an environment of platformio.ini is for.
@@ -41,14 +44,24 @@ def robot_file(root: Path, project_option: str, environ: Mapping[str, str]) -> P
     return path
 
 
-def generator_inputs(root: Path, robot: Path) -> list[Path]:
-    """Return all files that the generated code depends on, the version apart: robot, schemas, dialect, generator."""
+def controller_folder(root: Path, environ: Mapping[str, str]) -> Path | None:
+    """Return the folder of the controller outside the tree, if OMNI_CONTROLLER names one."""
+    wanted = environ.get(CONTROLLER, "")
+    return root / wanted if wanted else None
+
+
+def generator_inputs(root: Path, robot: Path, controller: Path | None = None) -> list[Path]:
+    """Return all files that the generated code depends on, the version apart.
+
+    They are robot, controller, schemas, dialect and generator.
+    """
     shared = root / "shared"
     link = [path for path in (shared / "link").rglob("*") if path.is_file()]
     headers = (shared / "core" / "include" / "omni").glob("*.h")  # controllers and paths are looked up there
     schemas = [shared / "params.toml", shared / "world.toml"]
     named = files_named_in(robot)
-    return sorted([robot, *named, *schemas, *link, *headers, *(shared / "generate").rglob("*.py")])
+    own = [path for path in controller.iterdir() if path.is_file()] if controller and controller.is_dir() else []
+    return sorted([robot, *named, *own, *schemas, *link, *headers, *(shared / "generate").rglob("*.py")])
 
 
 def files_named_in(robot: Path) -> list[Path]:
@@ -58,10 +71,10 @@ def files_named_in(robot: Path) -> list[Path]:
     return [path] if path.is_file() else []
 
 
-def fingerprint(root: Path, robot: Path) -> str:
+def fingerprint(root: Path, robot: Path, controller: Path | None = None) -> str:
     """Return a hash of the generator's inputs, their names and their contents."""
     state = hashlib.sha256()
-    for path in generator_inputs(root, robot):
+    for path in generator_inputs(root, robot, controller):
         content = path.read_bytes()
         state.update(f"{path}\0{len(content)}\0".encode() + content)
     return state.hexdigest()

@@ -16,7 +16,14 @@ env: Any = DefaultEnvironment()
 root = Path(env.subst("$PROJECT_DIR"))
 sys.path.insert(0, str(root / "firmware" / "boards" / "teensy40" / "platformio"))
 
-from build_inputs import InputError, dialect_number, fingerprint, robot_file, warnings_are_errors  # noqa: E402
+from build_inputs import (  # noqa: E402
+    InputError,
+    controller_folder,
+    dialect_number,
+    fingerprint,
+    robot_file,
+    warnings_are_errors,
+)
 
 PARTS = ("tables", "wiring", "mavlink-c")
 # Module name and what pip installs for it.
@@ -31,6 +38,7 @@ SMALL = tuple(
 
 generated = Path(env.subst("$BUILD_DIR")) / "generated"
 generator = root / "shared" / "generate"
+controller = controller_folder(root, os.environ)
 
 
 def stop(message: str) -> None:
@@ -61,8 +69,10 @@ def need_packages() -> None:
 
 
 def generate(robot: Path, parts: tuple[str, ...]) -> None:
-    """Run the generator; its own message says what is wrong with a robot file."""
+    """Run the generator; its own message says what is wrong with a robot file or a controller."""
     command = [env.subst("$PYTHONEXE"), str(generator / "generate.py"), "--out", str(generated), "--robot", str(robot)]
+    if controller is not None:
+        command += ["--controller", str(controller)]
     for part in parts:
         command += ["--part", part]
     if subprocess.run(command, check=False).returncode != 0:
@@ -79,7 +89,7 @@ def prepare() -> None:
     robot = robot_of_environment()
     need_packages()
     stamp = generated / "stamp"
-    wanted = fingerprint(root, robot)
+    wanted = fingerprint(root, robot, controller)
     if not stamp.is_file() or stamp.read_text(encoding="utf-8") != wanted:
         generate(robot, PARTS)
         stamp.write_text(wanted, encoding="utf-8")
@@ -96,6 +106,8 @@ def prepare() -> None:
         env.AddBuildMiddleware(compile_small, pattern)
     env.BuildSources(str(generated / "objects"), str(generated / "src"))
     print(f"Robot file: {robot}")
+    if controller is not None:
+        print(f"Controller outside the tree: {controller}")
 
 
 prepare()
