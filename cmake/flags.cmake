@@ -4,6 +4,8 @@
 add_library(omni_flags INTERFACE)
 target_compile_options(omni_flags INTERFACE $<IF:$<BOOL:${OMNI_SANITIZE}>,-O1,-O3> -ffp-contract=off -fno-math-errno)
 
+# As for PlatformIO: with OMNI_WERROR=1 in the environment, as in CI. Every compiler has other warnings.
+option(OMNI_WERROR "Treat warnings in this project's own code as errors" "$ENV{OMNI_WERROR}")
 add_library(omni_warnings INTERFACE)
 target_compile_options(omni_warnings INTERFACE -Wall -Wextra -Wconversion)
 if(OMNI_WERROR)
