@@ -22,7 +22,7 @@ def link(tmp_path: Path) -> ctypes.CDLL:
     app = [ROOT / "firmware" / "app" / f"{name}.cpp" for name in ("link", "codec", "stops", "signing", "record_store")]
     sources = [*app, Path(__file__).parent / "link_shim.cpp"]
     # A copy, so that static objects are new in every test.
-    return ctypes.CDLL(shutil.copy(kept_library("link", sources), tmp_path))
+    return ctypes.CDLL(str(shutil.copy(kept_library("link", sources), tmp_path)))
 
 
 @pytest.mark.full
