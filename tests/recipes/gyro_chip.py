@@ -58,7 +58,8 @@ def check(copy: Scratch) -> None:
     shim = copy.root / "build" / "mpu6050_shim.cpp"
     shim.write_text(_SHIM, encoding="utf-8")
     models = [copy.root / "hil_sim" / "src" / path.name for path in MODEL]
-    sources = [copy.root / "firmware/app/register_gyro.cpp", copy.root / "hil_sim/src/mpu6050.c", *models, shim]
+    chips = sorted((copy.root / "hil_sim" / "src").glob("mpu605*.c"))  # with the one of somebody else
+    sources = [copy.root / "firmware/app/register_gyro.cpp", *chips, *models, shim]
     folders = [INCLUDES[0], copy.root / "hil_sim" / "include", copy.root / "hil_sim" / "src", copy.root / "firmware"]
     chip = ctypes.CDLL(str(build_library(shim.parent, "mpu6050", sources, folders)))
     chip.use_axis(3)

@@ -101,8 +101,9 @@ def _look_at_the_driver(copy: Scratch) -> None:
     converter.write_text(_CONVERTER, encoding="utf-8")
     generated = copy.root / "build" / "recipe" / "generated" / "include"
     folders = [ROOT / "tests" / "boards" / "teensy40" / "fakes_system", copy.root / "firmware", generated]
-    driver = copy.root / "firmware" / "boards" / "teensy40" / "spin.cpp"
-    chip = ctypes.CDLL(str(build_library(converter.parent, "spin", [driver, converter], folders)))
+    board = copy.root / "firmware" / "boards" / "teensy40"
+    drivers = [path for path in (board / "spin.cpp", board / "whirl.cpp") if path.exists()]
+    chip = ctypes.CDLL(str(build_library(converter.parent, "spin", [*drivers, converter], folders)))
     chip.begin()
     rad_s = ctypes.c_float(9.0)
     assert chip.converting() == 3

@@ -49,7 +49,12 @@ OTHERS: dict[str, dict[str, str]] = {
     "gyro-chip": {"mpu6050": "mpu6051", "MPU6050": "MPU6051", "MPU-6050": "MPU-6051"},
 }
 """Names of what somebody has added before. Of a parameter and a sensor that is what declares them, not their use."""
-DECLARING = ("shared/params.toml", "shared/world.toml", "hil_sim/src/sensor_whirl.c")
+DECLARING = (
+    "shared/params.toml",
+    "shared/world.toml",
+    "hil_sim/src/sensor_whirl.c",
+    "firmware/boards/teensy40/whirl.cpp",
+)
 CHECKS: dict[str, Callable[[Scratch], None]] = {
     "parameter": parameter.check,
     "message": message.check,
