@@ -186,7 +186,7 @@ firmware-memory: setup firmware
 kept: export OMNI_KEPT = write
 kept: $(VENV)/stamp-lint
 	$(MAKE) prove core-checks fuzz
-	.ci/lint $(VENV) $(C_FILES)
+	@.ci/lint $(VENV) $(C_FILES)
 	$(MAKE) firmware-build-check firmware-check
 
 firmware-build-check: setup $(VENV)/stamp-platformio
@@ -207,7 +207,7 @@ $(VENV)/stamp-lint: pyproject.toml | $(VENV)/stamp-install
 	@touch $@
 
 lint: $(VENV)/stamp-lint
-	.ci/lint $(VENV) $(C_FILES)
+	@.ci/lint $(VENV) $(C_FILES)
 
 $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
 	$(PIP) install --no-build-isolation -e '.[docs]'

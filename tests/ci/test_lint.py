@@ -19,7 +19,7 @@ def lint(folder: Path, *failing: str) -> tuple[int, str, set[str]]:
         program = tools / name
         program.write_text(f"#!/bin/sh\ntouch {folder}/ran-{name}\nexit {int(name in failing)}\n")
         program.chmod(0o755)
-    command = [ROOT / ".ci" / "lint", os.path.relpath(folder, ROOT), "a.c"]
+    command = [str(ROOT / ".ci" / "lint"), os.path.relpath(folder, ROOT), "a.c"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     ran = {path.name.removeprefix("ran-") for path in folder.glob("ran-*")}
     return done.returncode, (done.stdout + done.stderr).splitlines()[-1], ran
