@@ -32,7 +32,12 @@ def test_only_runs_that_have_not_passed_are_built_and_run(tmp_path: Path, monkey
     monkeypatch.setattr(fuzz, "missing_tools", list)
     monkeypatch.setattr(fuzz, "sources_digest", lambda: "sources")
     monkeypatch.setattr(fuzz, "build", built.extend)
-    monkeypatch.setattr(fuzz, "run", lambda target, _: (done.append(target), target not in broken)[1])
+
+    def run(target: str, _: list[str]) -> bool:
+        done.append(target)
+        return target not in broken
+
+    monkeypatch.setattr(fuzz, "run", run)
     for function in (kept.has_passed, kept.note_passed):
         monkeypatch.setattr(function, "__defaults__", (tmp_path / "kept.txt",))
 

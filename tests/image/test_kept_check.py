@@ -12,13 +12,14 @@ from hil_sim.image_file import FLASH_BASE, read_image
 from tests import kept
 from tests.image import flashed
 from tests.image_build import kept_check
+from tests.needs import need
 
 IMAGE = flashed.image_path()
 
 
 @pytest.fixture
 def elf_file() -> Path:
-    flashed.need(flashed.missing_image(IMAGE))
+    need("image")
     return IMAGE
 
 
