@@ -23,7 +23,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from omniwheel.cli import app
-from tests.host.cli_examples import robot
+from tests.host.stepped import robot
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 NUMBERS = IMAGES / "pictures.json"

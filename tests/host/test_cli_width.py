@@ -19,7 +19,7 @@ from omniwheel.cli import app
 from omniwheel.cli.study_output import print_table
 from omniwheel.presets import preset_names
 from omniwheel.robots import parameter_table, robot_names
-from tests.host.cli_examples import robot
+from tests.host.stepped import robot
 from tests.quick_scenario import QUICK
 
 LONG = "a-run-whose-name-says-everything-about-the-floor-and-the-weather"

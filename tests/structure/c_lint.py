@@ -22,8 +22,7 @@ PROCESSES = 2
 AT_ONCE = 4
 """Files that one process of clang-tidy gets."""
 LEFT_OUT = re.compile(r"/generated/|/hil_sim/lanes/(.*[.]cpp|pack[.]c)$")
-"""The lanes consist of the core's sources, which are checked as C. pack.c needs intrinsics, and gcc's header for them is
-for gcc alone."""
+"""Lanes consist of the core's sources, which are checked as C. pack.c has intrinsics, and gcc's header is for gcc."""
 CPPCHECK = (
     *("--quiet", "--inline-suppr", "-j", str(PROCESSES), "--enable=warning,performance,portability"),
     *("--error-exitcode=1", "--suppress=missingInclude", "--suppress=missingIncludeSystem"),
