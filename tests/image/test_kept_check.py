@@ -80,3 +80,14 @@ def test_a_command_runs_until_it_has_passed(tmp_path: Path, monkeypatch: pytest.
         status.write_text(str(ends_with))
         assert kept_check.main() == code
         assert runs.read_text() == ran
+
+
+def test_what_python_compiles_and_keeps_beside_its_sources_does_not_count() -> None:
+    compiled = kept.ROOT / "hil_sim" / "__pycache__" / "none.cpython-0.pyc"
+    before = kept_check.check_code()
+    compiled.parent.mkdir(exist_ok=True)
+    compiled.write_bytes(b"\xa7")
+    try:
+        assert kept_check.check_code() == before
+    finally:
+        compiled.unlink()

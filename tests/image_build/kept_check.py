@@ -28,6 +28,7 @@ BUILD_ID = "_ZN4omni8build_idE"
 PACKAGES = ("capstone", "numpy", "pyelftools", "unicorn")
 PYTHON = ("hil_sim", "omniwheel", "omni_schema")
 GENERATED = "omniwheel.telemetry_gen"
+C_SUFFIXES = (".c", ".h", ".cpp", ".hpp")
 C_FOLDERS = ("shared/core", "shared/link", "hil_sim", "host/native", "firmware/boards/common", "firmware/boards/posix")
 """The simulated world, and the PC's firmware, with which the check `path` compares."""
 SHARED = ("params.toml", "world.toml", "robots", "link", "generate")
@@ -69,8 +70,8 @@ def check_code() -> str:
     """Return a digest of what checks an image."""
     data = [path for name in DATA for path in _files(ROOT / name)]
     texts = [path.read_text(encoding="utf-8") for path in [*python_code(), *data] if path.is_file()]
-    sources = [path for folder in C_FOLDERS for path in sorted((ROOT / folder).rglob("*.[ch]*"))]
-    texts += [without_comments(path.read_text(encoding="utf-8")) for path in sources if path.suffix != ".toml"]
+    sources = [path for folder in C_FOLDERS for path in sorted((ROOT / folder).rglob("*"))]
+    texts += [without_comments(path.read_text(encoding="utf-8")) for path in sources if path.suffix in C_SUFFIXES]
     return kept.digest(*texts, *(f"{name} {version(name)}" for name in PACKAGES))
 
 
