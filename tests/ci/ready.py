@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import shlex
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -40,7 +41,7 @@ class Task:
 CORE = ("shared/core/", "shared/params.toml", "shared/generate/")
 IMAGE = (*CORE, "shared/link/", "firmware/")
 SIMULATED = (*CORE, "hil_sim/", "shared/world.toml", "shared/robots/")
-PYTHON = sys.executable
+PYTHON = shlex.quote(sys.executable)
 WRITERS = (
     Task("tools", "make .venv/stamp-lint .venv/stamp-docs studio-page"),
     Task("format", "make format"),

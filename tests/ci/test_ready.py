@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -45,7 +46,7 @@ def test_all_that_can_be_mended_is_and_the_rest_is_named(clone: Path) -> None:
         Task("other", "touch other.md", ("firmware/",)),
         Task("proof", "true", needs=("kit",)),
     )
-    pytest_words = f"{sys.executable} -m pytest -q -p no:cacheprovider test_code.py"
+    pytest_words = f"{shlex.quote(sys.executable)} -m pytest -q -p no:cacheprovider test_code.py"
     report = ready("HEAD", writers, (Task("tests", pytest_words), Task("lint", "true", slots=1)))
     assert report == Report(["broken", "tests"], ["code.py", "table.md"], {"proof": "sudo apt install kit"})
     assert (clone / "table.md").read_text() == "3\n"
@@ -64,7 +65,7 @@ def test_tasks_are_targets_and_modules_that_exist_and_need_what_is_known() -> No
     )
     for task in (*WRITERS, *CHECKS):
         assert set(task.needs) <= set(needs.NEEDS)
-        words = task.command.split()
+        words = shlex.split(task.command)
         if words[0] == "make":
             assert {word for word in words[1:] if "=" not in word} <= set(targets), task
         else:

@@ -30,11 +30,13 @@ from tests.host.hex_files import teensy_program, write_hex
 PASSED = Outcome("boots", "it boots", ("0.3 s",), "", 0.1)
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = """\
-#!{python}
+#!/bin/sh
+exec '{python}' - "$0" "$@" <<'END'
 import os, pathlib, sys
-folder = pathlib.Path(__file__).parent
-(folder / "{name}.called").write_text(repr((sys.argv[1:], os.environ.get("OMNI_ROBOT"))))
+folder = pathlib.Path(sys.argv[1]).parent
+(folder / "{name}.called").write_text(repr((sys.argv[2:], os.environ.get("OMNI_ROBOT"))))
 sys.exit({exit_code})
+END
 """
 
 

@@ -136,7 +136,7 @@ class Builder:
         if self.area.name == "core":
             return {"OMNI_FIRMWARE": str(OUT / "no-firmware")}
         cache = shutil.which("ccache") or ""
-        changed = {"OMNI_FIRMWARE": str(product), "CXX": str(COMPILER), "CC": f"{cache} cc".strip()}
+        changed = {"OMNI_FIRMWARE": str(product), "CXX": shlex.quote(str(COMPILER)), "CC": f"{cache} cc".strip()}
         if mutant is not None:
             shutil.rmtree(self.folder / "changed", ignore_errors=True)
             # A folder of its own: in a known one ccache does not look whether a header has come that hides another.
@@ -147,7 +147,7 @@ class Builder:
             changed["OMNI_ORIGINAL"] = str(ROOT / mutant.file)
             changed["OMNI_CHANGED"] = str(place)
             if place.suffix == ".h":
-                changed["OMNI_OPTIONS"] = f"-I{app.parent}"
+                changed["OMNI_OPTIONS"] = shlex.quote(f"-I{app.parent}")
         return changed
 
     def compile_all(self) -> dict[Path, Path]:

@@ -11,5 +11,5 @@ while [ "$count" -gt 0 ]; do
     count=$((count - 1))
 done
 cache=$(command -v ccache)
-# shellcheck disable=SC2086 # OMNI_OPTIONS are words
-exec $cache c++ -w $OMNI_OPTIONS "$@"
+eval "set -- $OMNI_OPTIONS \"\$@\"" # it holds words as a shell reads them
+exec $cache c++ -w "$@"

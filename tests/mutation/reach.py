@@ -12,6 +12,7 @@ import hashlib
 import json
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -135,7 +136,7 @@ def measure(area: Area, files: Sequence[str]) -> dict[str, dict[str, tuple[float
     (folder / "calls").touch()
     program, environment = python()
     environment |= builder.test_environment(None, product)
-    environment |= {"LD_PRELOAD": str(hook), "OMNI_REACH": str(folder), "OMNI_OPTIONS": " ".join(INSTRUMENTED)}
+    environment |= {"LD_PRELOAD": str(hook), "OMNI_REACH": str(folder), "OMNI_OPTIONS": shlex.join(INSTRUMENTED)}
     environment["OMNI_LIBRARY"] = str(product) if area.name == "core" else ""
     out = folder / "reach.json"
     command = [program, "-m", "tests.mutation.reach", str(out), *files]
