@@ -4,7 +4,7 @@
 | Tier | Tests | Run by |
 |---|---|---|
 | fast | unit, property and in-process tests, and one whole drive over a link | ``make test`` |
-| all | and those marked ``full``: over half a second of processor time, browsers, images | ``make test-all``, CI |
+| all | and those marked ``full``: over 0.3 s of processor time, browsers, images | ``make test-all``, CI |
 | nightly | those marked ``nightly`` alone | ``make nightly ARGS=tests`` |
 
 A run without ``--tier`` takes the fast tier, or all where files are named: who names a test wants it run.

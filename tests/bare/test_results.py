@@ -68,6 +68,7 @@ def test_a_demo_with_a_fault_is_not(tmp_path: Path) -> None:
     assert len(faults_of_demo("", run_folder(tmp_path, 0.00228))) == 1
 
 
+@pytest.mark.full
 def test_opencv_is_the_one_that_needs_no_screen() -> None:
     """opencv-python has the same folder as the headless one, and needs libraries of X11."""
     assert packages_distributions()["cv2"] == ["opencv-python-headless"], "remove .venv; make setup"

@@ -57,6 +57,7 @@ def test_a_peer_with_our_noise_goes_our_way(name: str, run: Callable[[FilterMode
     np.testing.assert_allclose(estimates, ours["estimate"], atol=2e-5)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", SETTINGS)
 def test_batched_runs_have_our_rms_errors_on_average(name: str) -> None:
     case, runs, our_runs = setting(name, 400), 200, 2000

@@ -78,6 +78,7 @@ def test_single_precision_errs_as_the_script_does() -> None:
     np.testing.assert_allclose(found.rmse, by_numpy("published", 5), rtol=2e-3)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("native", "lanes"), list(zip(WIDTHS, (4, 8, 16), strict=True)), ids=str)
 def test_vectors_of_every_width_draw_and_compute_the_same(native: Native, lanes: int) -> None:
     """A run has its words from its own seed; products and sums may be rounded together on one processor only."""
@@ -122,6 +123,7 @@ def test_the_noise_of_a_peer_is_normal_and_its_runs_share_none(native: Native) -
     assert abs(ahead) < 4.5 / np.sqrt(count)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("native", ALL, ids=named)
 def test_a_peer_runs_with_the_noise_that_it_draws(native: Native) -> None:
     program, case, runs = ready(native), model("published"), 5

@@ -37,6 +37,7 @@ def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.full
 def test_all_that_can_be_mended_is_and_the_rest_is_named(clone: Path) -> None:
     (clone / "code_.py").write_text("a = 3\n")
     writers = (

@@ -68,6 +68,7 @@ class Adaptive:
         return filter_now
 
 
+@pytest.mark.full
 @pytest.mark.reference
 @pytest.mark.parametrize(("wheels", "mode"), [(3, POSE), (3, SLIP), (4, SLIP)])
 @pytest.mark.parametrize("delay", [(0, 1), (13, 60)])

@@ -152,6 +152,7 @@ def test_a_robot_that_stands_without_fixes_gets_no_less_sure() -> None:
     assert (now > 0.99 * np.multiply([NOISE.q_xy, NOISE.q_theta], 100 * SLOT_TICKS * (1.0 + ALONE))).all()
 
 
+@pytest.mark.full
 def test_at_rest_a_gyro_does_not_make_the_heading_less_sure() -> None:
     """Its bias is still learned; one that turns by hand, wheels still, counts as motion."""
     found = Filter()

@@ -168,6 +168,7 @@ def run_away(robot: Robot, seconds: float = 2.0) -> tuple[float, float]:
     return slip, float(np.abs(robot.pose[0]))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("wheels", [3, 4])
 def test_on_ice_wheels_run_away_unless_slip_is_watched(wheels: int) -> None:
     free, _ = run_away(Robot(wheels, mu=0.05))
@@ -177,6 +178,7 @@ def test_on_ice_wheels_run_away_unless_slip_is_watched(wheels: int) -> None:
     assert error < 0.7  # and what grip there is still pulls
 
 
+@pytest.mark.full
 def test_a_known_grip_keeps_the_wheels_rolling() -> None:
     slip, error = run_away(Robot(4, mu=0.05, grip=0.04))
     assert slip < 0.01

@@ -143,6 +143,7 @@ def dead(way: Array) -> Array:
     return np.array([*noise.normal(0.0, SD_M, 2), way[2]])
 
 
+@pytest.mark.full
 def test_one_that_died_while_the_robot_stood_does_not_lead() -> None:
     """What it says of its own speed never changes. But the turn says that no wheel spins."""
     drive = proved()
@@ -169,6 +170,7 @@ def test_one_way_that_is_dead_stays_found_while_the_other_fits() -> None:
     assert drive.error_m < drive.error_alone_m + 0.3
 
 
+@pytest.mark.full
 def test_pose_fixes_are_believed_against_one_that_leads() -> None:
     drive = proved()
     config = drive.core.config
@@ -184,6 +186,7 @@ def test_pose_fixes_are_believed_against_one_that_leads() -> None:
     assert drive.core.s.restarts == 0
 
 
+@pytest.mark.full
 def test_a_fix_within_a_reading_on_ice_is_no_refusal() -> None:
     drive = proved()
     drive.core.config.gate, drive.core.config.gate_restart = 0.0, 25
@@ -198,6 +201,7 @@ def test_a_fix_within_a_reading_on_ice_is_no_refusal() -> None:
     assert drive.error_m < 0.02
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("turning", [0.0, 3.0, 7.0])
 def test_a_turn_of_the_body_is_no_change_of_speed(turning: float) -> None:
     """Straight through the room, in axes that turn; every tenth reading is lost."""
@@ -241,6 +245,7 @@ def test_a_turn_that_nothing_measures_is_as_unsure_as_it_can_be() -> None:
     assert abs(core.x[2]) < 2.0 * math.sqrt(core.p[2, 2])
 
 
+@pytest.mark.full
 def test_a_robot_whose_wheel_spins_knows_where_it_is() -> None:
     drive = Drive()
     drive.go(12.0)
@@ -268,6 +273,7 @@ def test_one_that_has_not_proved_where_it_points_does_not_lead() -> None:
     assert drive.core.flow.used < used + 10
 
 
+@pytest.mark.full
 def test_it_leads_for_ten_seconds_at_most() -> None:
     """A sensor that says something else for good is no better than wheels that do."""
     drive, random = Drive(), np.random.default_rng(4)
@@ -280,6 +286,7 @@ def test_it_leads_for_ten_seconds_at_most() -> None:
     assert 0.95 * lib.OMNI_FLOW_LED < readings < 1.2 * lib.OMNI_FLOW_LED
 
 
+@pytest.mark.full
 def test_a_reading_that_no_body_can_drive_does_not_lead_nor_do_those_after_it() -> None:
     drive = Drive()
     drive.go(12.0)

@@ -92,6 +92,7 @@ def test_straight_ahead_tells_no_direction() -> None:
     assert core.usable
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("degrees", [15.0, 20.0, 30.0, 40.0, 90.0, -25.0])
 def test_one_that_points_elsewhere_from_the_start_is_found_and_does_no_harm(degrees: float) -> None:
     drive = Drive()
@@ -115,6 +116,7 @@ def test_one_that_comes_loose_on_the_way_is_found_and_its_last_metres_are_taken_
     assert np.abs(drive.core.x[3:]).max() < 0.01
 
 
+@pytest.mark.full
 def test_one_that_is_put_right_is_used_again() -> None:
     drive = Drive()
     drive.go(6.0, math.radians(30.0))
@@ -157,6 +159,7 @@ def test_one_outlier_is_no_direction() -> None:
     assert abs(drive.core.flow.off_rad) < 0.02
 
 
+@pytest.mark.full
 def test_turning_on_the_spot_tells_no_direction() -> None:
     """The sensor is 72 mm off the centre; counts are rounded."""
     drive = Drive(turning=1.0, slip=np.full(3, 0.05), speed=0.0)
@@ -164,6 +167,7 @@ def test_turning_on_the_spot_tells_no_direction() -> None:
     assert drive.core.flow.off_rad == 0.0
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("degrees", [0.0, 3.0, 5.0, 6.0])
 def test_a_pause_does_not_lower_what_is_allowed(degrees: float) -> None:
     drive = Drive()
@@ -173,6 +177,7 @@ def test_a_pause_does_not_lower_what_is_allowed(degrees: float) -> None:
     assert all(usable[200:])
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("slip", [0.2, 0.25, 0.3])
 def test_a_slippery_floor_from_the_start_is_learned(slip: float) -> None:
     drive = Drive(slip=np.full(3, slip))
@@ -198,6 +203,7 @@ def test_readings_that_come_at_rest_end_the_silence() -> None:
     assert core.flow.used > 0
 
 
+@pytest.mark.full
 def test_counts_that_flicker_while_the_robot_stands_are_no_way() -> None:
     """A sensor that says zero all the while is right."""
     core, rng = Core(), np.random.default_rng(0)

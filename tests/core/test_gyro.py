@@ -198,6 +198,7 @@ def drive(core: Filter, ticks: int, seed: int) -> tuple[Array, Array]:
     return turned.astype(np.float32).astype(np.float64), rate.astype(np.float32).astype(np.float64)
 
 
+@pytest.mark.full
 @pytest.mark.reference
 @pytest.mark.parametrize("mode", [lib.OMNI_EKF_MODE_POSE, lib.OMNI_EKF_MODE_SLIP])
 @pytest.mark.parametrize("wheels", [3, 4])

@@ -95,6 +95,7 @@ numbers = st.floats(-5.0, 5.0, width=32)
 twists = st.tuples(numbers, numbers, numbers)
 
 
+@pytest.mark.full
 @given(layouts())
 def test_matrices_agree_with_numpy(layout: Layout) -> None:
     k = layout.kinematics()

@@ -74,6 +74,7 @@ def test_the_first_measurement_gives_no_derivative_kick() -> None:
     assert Pid(kd=1.0).step(0.0, 50.0) == 0.0
 
 
+@pytest.mark.full
 @given(st.lists(number, min_size=1, max_size=50), st.floats(0, 10, width=32))
 def test_the_integral_stays_within_its_limit(errors: list[float], limit: float) -> None:
     pid = Pid(ki=500.0, integral_limit=limit)

@@ -417,6 +417,7 @@ def test_slip_ratios_are_found_from_fixes() -> None:
     assert sd.max() < 0.04
 
 
+@pytest.mark.full
 def test_four_wheels_see_slip_without_any_fix_and_counts_do_not_bias_it() -> None:
     count = 2 * math.pi / 10_000
     ekf = Ekf(4, SLIP, r_null=(0.03175 * count) ** 2 / 6)

@@ -306,6 +306,7 @@ def test_limits_hold_and_motion_is_smooth_from_start_to_rest(case: dict[str, Any
     np.testing.assert_allclose(poses[-1], last, atol=2e-4)
 
 
+@pytest.mark.full
 def test_scale_is_no_larger_than_needed() -> None:
     plan = Plan({"period_s": 5.0})
     assert plan.c.scale > 1.5

@@ -72,6 +72,7 @@ def test_every_word_of_the_glossary_is_used_elsewhere() -> None:
     assert unused == []
 
 
+@pytest.mark.full
 def test_the_front_page_s_errors_are_those_of_the_picture_and_of_a_run_on_real_wheels() -> None:
     """The fast robot's from the numbers behind the picture, which a test runs again; the slow one's from a run."""
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())

@@ -75,6 +75,7 @@ def test_the_firmware_reads_the_parameter_set_in_either_slot(slot: int) -> None:
     assert memory.load() == (0, sample())
 
 
+@pytest.mark.full
 def test_the_firmware_writes_the_parameter_set_as_the_page_says() -> None:
     memory, data = ParameterMemory(PC), vectors()["parameter-set"]
     memory.bytes[: len(data)] = data

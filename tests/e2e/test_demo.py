@@ -63,6 +63,7 @@ def test_the_slow_robot_tracks_the_rose_within_the_promised_bounds(slow: dict[st
     assert slow["completed"]
 
 
+@pytest.mark.full
 def test_the_pages_tell_the_numbers_of_this_demo(demo: tuple[dict[str, Any], Path], slow: dict[str, Any]) -> None:
     summary, _ = demo
     readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
@@ -111,6 +112,7 @@ def test_it_leaves_a_run_folder_with_everything(demo: tuple[dict[str, Any], Path
     assert (run / "run.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.full
 def test_plain_pymavlink_reads_the_log(demo: tuple[dict[str, Any], Path]) -> None:
     """No dialect of ours, no package of ours: the standard messages are simply there."""
     program = (

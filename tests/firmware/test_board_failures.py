@@ -92,6 +92,7 @@ def on_pins(robot: FakeRobot) -> FakeRobot:
     return robot
 
 
+@pytest.mark.full
 def test_a_motor_pin_that_loses_its_timer_once_is_an_error_and_no_stop(on_pins: FakeRobot) -> None:
     on_pins.armed()
     before = on_pins.asked("OMNI_STATUS").i2c_errors
@@ -141,6 +142,7 @@ def ticks_until_answered(robot: FakeRobot) -> int:
     raise AssertionError("the robot is silent")
 
 
+@pytest.mark.full
 def test_a_bus_that_takes_nothing_holds_host_in_the_loop_up_for_a_moment(robot: FakeRobot) -> None:
     robot.ready()
     for _ in range(2):

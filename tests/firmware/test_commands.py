@@ -286,6 +286,7 @@ def test_a_vicon_fix_pulls_the_estimate_towards_it(robot: Client) -> None:
     assert 0 < pose[2] < 0.002
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("disarmed", [False, True])
 def test_a_path_that_waits_for_arming_is_forgotten_if_somebody_disarms(robot: Client, disarmed: bool) -> None:
     robot.heartbeat()

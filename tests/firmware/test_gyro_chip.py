@@ -50,6 +50,7 @@ def test_it_gives_readings_soon_and_in_all_ticks_but_the_looks(gyro: Gyro) -> No
     assert (gyro.call("starts"), gyro.call("recoveries")) == (1, 0)
 
 
+@pytest.mark.full
 def test_the_registers_are_those_that_the_driver_promises(gyro: Gyro) -> None:
     gyro.start()
     settings = gyro.chip.settings

@@ -7,6 +7,7 @@ import ctypes
 from functools import cache
 from pathlib import Path
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -22,6 +23,7 @@ def library() -> ctypes.CDLL:
     return loaded
 
 
+@pytest.mark.full
 @given(st.lists(st.sampled_from(["publish", "withdraw", "take", "prepare"]), max_size=40))
 def test_the_tick_has_the_latest_value_that_was_not_withdrawn_and_keeps_it(turns: list[str]) -> None:
     lib = library()

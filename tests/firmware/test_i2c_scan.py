@@ -177,6 +177,7 @@ def test_health_counts_what_the_bus_does(robot: Client) -> None:
     assert robot.tick().actuators.state == DISARMED
 
 
+@pytest.mark.full
 def test_health_comes_with_the_status_group(robot: Client) -> None:
     robot.set("SR1_STATUS", 2.0)
     seen = [m.get_type() for tick in robot.ticks(3000) for m in tick.others]

@@ -39,6 +39,7 @@ def test_a_new_connection_does_not_get_the_rest_of_the_old_ones_frame(link: ctyp
     assert link.link_flush(1000) > 8
 
 
+@pytest.mark.full
 def test_a_modem_gets_whole_frames_as_soon_as_they_fit(link: ctypes.CDLL) -> None:
     """It makes a packet of what comes without a pause."""
     link.link_connect(1)

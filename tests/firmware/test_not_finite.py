@@ -111,6 +111,7 @@ def test_a_message_with_a_number_that_is_none_changes_nothing(driving: Client, n
     check(keep_turning(driving, 150)[-1:], 1e-4)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("value", VALUES)
 def test_a_supply_voltage_that_is_no_number_stops_the_robot_until_it_is_one_again(robot: Client, value: float) -> None:
     robot.armed()

@@ -164,6 +164,7 @@ def test_it_ends_with_its_standard_input_if_it_is_told_to() -> None:
                 process.terminate()
 
 
+@pytest.mark.full
 def test_the_emulated_firmware_forgets_a_store_that_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     need_shim()
     need_emulated_firmware()

@@ -31,6 +31,7 @@ def texts() -> ctypes.CDLL:
     return library
 
 
+@pytest.mark.full
 @given(number=st.integers(0, 2**32 - 1))
 def test_whole_numbers_and_addresses_read_as_they_are(texts: ctypes.CDLL, number: int) -> None:
     assert texts.text_of_number(number).decode() == str(number)

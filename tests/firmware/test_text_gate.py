@@ -56,6 +56,7 @@ def library() -> ctypes.CDLL:
     return built
 
 
+@pytest.mark.full
 @given(tries=st.integers(0, 40), interval_us=st.integers(1, 10**9))
 def test_a_burst_of_different_texts_goes_at_once(library: ctypes.CDLL, tries: int, interval_us: int) -> None:
     assert Gate(library, interval_us).others(tries) == min(tries, BURST)

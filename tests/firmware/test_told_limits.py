@@ -53,6 +53,7 @@ def test_the_limit_that_decides_is_named(robot: Client) -> None:
     assert scaled(texts) == ["velocity scaled to 50 %: LIM_V 0.05 m/s"]
 
 
+@pytest.mark.full
 def test_it_is_said_again_every_five_seconds_while_it_lasts(robot: Client) -> None:
     robot.armed()
     assert len(scaled(drive(robot, 4_900, (0.0, 0.0, 1.0)))) == 1
@@ -99,6 +100,7 @@ def test_a_low_supply_is_said_with_its_value_and_the_limit(robot: Client) -> Non
     assert "supply 8.5 V: BAT_V_MIN 9 V" in said
 
 
+@pytest.mark.full
 def test_a_pose_beyond_the_limit_stops_with_the_limit(robot: Client) -> None:
     """By velocities, which name no place that could be refused; then arming is refused until the pose is within."""
     robot.set("LIM_POS", 0.1)

@@ -61,6 +61,7 @@ def test_checksums_and_lengths_agree(generated: Path) -> None:
     assert in_c == {name: in_python[name] for name in in_c}
 
 
+@pytest.mark.full
 def test_every_message_we_define_reaches_both(generated: Path) -> None:
     ours = set(re.findall(r'<message [^>]*name="(\w+)"', (LINK / "omni.xml").read_text()))
     assert ours <= set(c_messages(generated / "mavlink" / "omni"))
@@ -95,6 +96,7 @@ def test_malformed_xml_is_named(tmp_path: Path) -> None:
         trimmed_dialect(tmp_path)
 
 
+@pytest.mark.full
 def test_the_headers_are_the_same_on_another_day(
     generated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -58,6 +58,7 @@ def test_rows_are_those_of_single_runs() -> None:
         assert row["peak_wheel_rad_s"] == effort.peak_wheel_rad_s
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["demo", "tolerances", "four_wheel", "fault_pose_jump"])
 def test_how_seeds_are_cut_into_batches_changes_no_bit(name: str) -> None:
     half = Event(at_progress=0.5, settings={"WS_P": 6.0})
@@ -102,6 +103,7 @@ def test_a_run_that_may_not_arm_is_counted_and_named() -> None:
     assert list(found.faults.values()) == [9]
 
 
+@pytest.mark.full
 def test_a_run_that_stops_on_the_way_is_not_completed() -> None:
     result = run_batch(load_scenario("fault_encoder_stuck"), 1, 2)
     assert result.rows["completed"].tolist() == [0.0, 0.0]
@@ -144,6 +146,7 @@ def test_a_batch_can_be_cancelled() -> None:
     assert "of 100000 runs" in str(errors[0])
 
 
+@pytest.mark.full
 def test_batches_on_several_threads_come_in_order_and_stop_when_nobody_takes_them() -> None:
     scenario = replace(quick(), duration_s=1.5)
     rows = np.concatenate([part.rows for part in run_batches(scenario, 1, 19, workers=3)])
@@ -167,6 +170,7 @@ for runs in (64, {runs}):
 """
 
 
+@pytest.mark.full
 @pytest.mark.skipif(sys.platform != "linux", reason="counts kilobytes as Linux does")
 def test_memory_does_not_grow_with_the_number_of_runs() -> None:
     script = MEMORY.format(runs=2000)

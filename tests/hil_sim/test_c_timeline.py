@@ -106,6 +106,7 @@ def test_every_scenario_is_played_alike(name: str) -> None:
     assert_same(loaded if name in TO_THE_END else replace(loaded, duration_s=6.0))
 
 
+@pytest.mark.full
 def test_events_at_one_tick_keep_their_order() -> None:
     half = [Event(at_progress=0.5, settings={"WS_P": value}) for value in (5.0, 6.0)]
     start_s = next(e.time_s for e in assert_same(scenario(*DRIVE, half[0])).applied if e.event == half[0])

@@ -50,6 +50,7 @@ def test_no_pwm_compensation_leaves_the_motors_friction_to_the_gains() -> None:
     assert without < 0.1
 
 
+@pytest.mark.full
 def test_a_dead_band_in_the_curve_makes_up_for_dry_friction() -> None:
     stiff = {"coulomb_friction_N_m": 0.4}
     without, with_it = (

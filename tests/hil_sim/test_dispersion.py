@@ -33,6 +33,7 @@ def drawn(base: Scenario, name: str, seeds: int) -> np.ndarray[Any, np.dtype[np.
     return np.array([drawn_world(base.with_seed(seed))[name] for seed in range(seeds)])
 
 
+@pytest.mark.full
 def test_uniform_deviations_fill_their_interval() -> None:
     base = scenario(MASS)
     middle = scenario_world(load_scenario("demo")).mass_kg

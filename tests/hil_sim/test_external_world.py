@@ -107,6 +107,7 @@ def test_an_independent_world_drives_the_circle(circle: Scenario) -> None:
     assert world.ticks >= run.ticks
 
 
+@pytest.mark.full
 def test_wheels_that_turn_the_wrong_way_are_noticed(circle: Scenario) -> None:
     class Crossed(TinyWorld):
         def apply(self, duty: tuple[float, ...], coast: tuple[float, ...]) -> None:
@@ -115,6 +116,7 @@ def test_wheels_that_turn_the_wrong_way_are_noticed(circle: Scenario) -> None:
     assert run_hil(replace(circle, duration_s=6.0), world=Crossed(circle)).record["state"][-1] != 2
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("own_fixes", [True, False])
 def test_our_own_world_behind_the_protocol_is_the_same_byte_for_byte(tmp_path: Path, own_fixes: bool) -> None:
     demo = replace(load_scenario("demo"), duration_s=3.0)

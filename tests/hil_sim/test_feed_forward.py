@@ -41,6 +41,7 @@ def test_the_page_has_what_it_brings() -> None:
     )
 
 
+@pytest.mark.full
 def test_what_the_page_says_of_it() -> None:
     """No path changes by 1 %, or 1.5 % with weak loops; wheels follow starts and stops better, most with weak loops."""
     for robot in ROBOTS:

@@ -204,6 +204,7 @@ def test_the_page_says_what_rollers_cost() -> None:
     assert PAGE.read_text() == written()
 
 
+@pytest.mark.full
 def test_rollers_cost_dead_reckoning_and_hardly_a_robot_with_fixes() -> None:
     """An independent MuJoCo model of this robot, by nobody of this project: 1.26 mm with fixes, 5.7 mm without."""
     assert 1e3 * error_of("demo").position_m == pytest.approx(1.26, rel=0.2)

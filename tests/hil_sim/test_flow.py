@@ -167,6 +167,7 @@ def test_on_ice_a_sensor_that_has_been_right_leads(setting: flow_figures.Setting
     assert float(np.mean(new.nees_position)) < 5.0
 
 
+@pytest.mark.full
 def test_the_robot_says_that_it_leads_on_ice_and_nowhere_else() -> None:
     run, _config = start_run(flow_figures.scenario_of(ICE[0], 2000, True), ICE[0].title)
     told = []

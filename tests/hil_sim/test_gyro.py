@@ -123,6 +123,7 @@ def test_a_bias_that_steps_turns_no_robot_that_holds_its_pose(step_rad_s: float)
     assert warned_s(record) > 4.0
 
 
+@pytest.mark.full
 def test_with_fixes_a_bias_that_steps_costs_what_the_page_says() -> None:
     scenario = load_scenario("gyro").with_parameters({"GYRO_AXIS": 3.0})
     step = Fault("gyro_offset", 10.0, 1e9, value=0.05)

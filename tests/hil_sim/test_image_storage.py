@@ -57,6 +57,7 @@ def test_a_file_of_another_size_is_refused(tmp_path: Path) -> None:
         StorageFile(tmp_path / "memory").read()
 
 
+@pytest.mark.full
 def test_the_process_ends_with_its_standard_input() -> None:
     code = (
         "import os, threading; from hil_sim.image_process import end_with_stdin; ended = threading.Event();"

@@ -138,6 +138,7 @@ def test_mujoco_reads_the_urdf(robot: str) -> None:
     assert model.body_mass.sum() == pytest.approx(mass, rel=1e-6)  # the chassis is its fixed base
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_ros_parser_reads_the_urdf(robot: str, tmp_path: Path) -> None:
     parser = pytest.importorskip("yourdfpy", reason="needs pip install yourdfpy")

@@ -244,6 +244,7 @@ def test_inverted_outputs() -> None:
     assert chip.duty(0) == 0.75
 
 
+@pytest.mark.full
 @given(st.lists(st.binary(max_size=20), max_size=20))
 def test_any_bytes_leave_duties_in_range(writes: list[bytes]) -> None:
     chip = Chip(awake=True)

@@ -87,6 +87,7 @@ def test_many_normals_are_independent() -> None:
             assert abs((whole[:-lag] * whole[lag:]).mean() / whole.var()) < 4.5 / np.sqrt(whole.size)
 
 
+@pytest.mark.full
 def test_an_angle_of_a_pair_is_uniform() -> None:
     pairs = normals(9, 3, 500_000).reshape(-1, 2)
     assert stats.kstest(np.arctan2(pairs[:, 1], pairs[:, 0]), "uniform", args=(-np.pi, 2 * np.pi)).pvalue > 0.01

@@ -70,6 +70,7 @@ def test_firmware_and_core_drive_every_plant_alike(plant: str) -> None:
     assert faults_seen(other)[0] == []
 
 
+@pytest.mark.full
 def test_equal_seeds_give_equal_logs_and_summaries(tmp_path: Path) -> None:
     folders = [tmp_path / "a", tmp_path / "b"]
     runs = []
@@ -266,6 +267,7 @@ def test_run_folders_are_never_shared(tmp_path: Path) -> None:
     assert names == ["demo-seed1", "demo-seed1-2", "demo-seed1-3"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["demo", "fault_battery_sag", "four_wheel"])
 def test_a_stored_run_can_be_drawn_again(name: str, tmp_path: Path) -> None:
     done = run_in_process(short(name))

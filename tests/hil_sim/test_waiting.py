@@ -252,6 +252,7 @@ def test_the_robots_end_is_told(
     assert {message.host_sleeps for message in robot.of_type("OMNI_HIL_SENSORS")} == {sleeps}
 
 
+@pytest.mark.full
 def test_the_pages_table_is_what_its_command_prints() -> None:
     """Its figures are of one machine. Its rows and columns are checked, and that the command works."""
     page = (ROOT / "docs/checks/performance.md").read_text(encoding="utf-8")

@@ -142,6 +142,7 @@ def test_no_robot_at_the_port_ends_with_one_line_and_a_hint() -> None:
     assert "refused" in lines[0]
 
 
+@pytest.mark.full
 def test_json_errors_are_one_object_on_standard_output() -> None:
     result = omni("monitor", "--json", "--link", "tcp:127.0.0.1:1")
     assert result.returncode == 1

@@ -334,6 +334,7 @@ def test_a_bracket_that_was_lost_is_found() -> None:
     assert bracketed("How far [m or rad]. [bold]Examples[/] \\[default: 3]") == {"[m or rad]", "[default: 3]"}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("words", [["robots", "list"], ["sim", "demo"], ["monitor", "--link", "tcp:127.0.0.1:1"]])
 @pytest.mark.parametrize("stale", ["omniwheel._core", "omni_schema"])
 def test_an_old_build_is_one_sentence(words: list[str], stale: str) -> None:

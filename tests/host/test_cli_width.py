@@ -52,6 +52,7 @@ def test_a_list_has_its_names_whole(line: str, names: list[str]) -> None:
     check(shown(*line.split()), names)
 
 
+@pytest.mark.full
 def test_parameters_take_one_or_two_lines_each() -> None:
     """Only enums with many values take more; what each parameter means is there with --long."""
     with robot():

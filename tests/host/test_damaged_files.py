@@ -127,6 +127,7 @@ def test_a_damaged_file_is_an_error_with_a_message(
     reads(READERS[name], path)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["summary.json", "record.npz"])
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
 @given(damage=damages())

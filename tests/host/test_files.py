@@ -114,6 +114,7 @@ def test_a_file_size_limit_keeps_the_old_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
+@pytest.mark.full
 def test_results_on_a_full_standard_output_are_an_error_and_not_a_traceback() -> None:
     command = [sys.executable, "-c", "from omniwheel.cli import main; main()", "params", "presets", "--json"]
     with open("/dev/full", "w") as full:
@@ -230,6 +231,7 @@ def test_whole_records_are_counted(cut: int) -> None:
         assert whole_records(data + data[: len(data) - min(cut, len(data) - 1)]) == len(data)
 
 
+@pytest.mark.full
 def test_a_recording_that_is_killed_has_lost_a_second_at_most(url: str, tmp_path: Path) -> None:
     path = tmp_path / "killed.tlog"
     command = [str(Path(sys.executable).with_name("omni")), "record", str(path), "--link", url]

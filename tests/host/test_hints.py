@@ -85,6 +85,7 @@ def test_no_help_page_shows_a_range_that_nobody_can_read(entry: Any) -> None:
         assert not re.search(r"\d{8}|\de\+\d|\[default: inf\]", output), words
 
 
+@pytest.mark.full
 def test_the_list_of_scenarios_tells_which_robot_drives() -> None:
     code, output = said_by("hil --list")
     assert code == 0

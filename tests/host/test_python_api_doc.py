@@ -18,6 +18,7 @@ DOCUMENTED_URL = "tcp:127.0.0.1:5760"
 BLOCKS = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), re.DOTALL)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("block", range(len(BLOCKS)))
 def test_the_documented_program_works(block: int, url: str) -> None:
     assert DOCUMENTED_URL in BLOCKS[block]

@@ -133,6 +133,7 @@ robot.pump(600.0)
 """
 
 
+@pytest.mark.full
 def test_the_next_program_finds_the_old_values_although_it_comes_at_once(url: str) -> None:
     """Its heartbeats keep the link alive; but it is another connection."""
     with omniwheel.connect(url) as robot:

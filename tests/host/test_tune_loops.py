@@ -80,6 +80,7 @@ def test_a_set_that_cannot_take_the_signal_is_refused_before_anything_moves(stan
         assert not robot.status.armed
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("words", "why"),
     [

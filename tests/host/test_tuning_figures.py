@@ -61,6 +61,7 @@ def test_the_velocity_that_the_robot_takes_for_unknown() -> None:
         assert sentence.format(f"{1e3 * unknown[:, :2].max():.0f} mm/s and {unknown[:, 2].max():.3f} rad/s") in PAGE
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("ideal", [False, True])
 def test_the_velocity_that_creep_and_rollers_add(ideal: bool) -> None:
     """What the body does beyond the wheels' turning less the imposed slip, from the geometry, on the demo's path."""

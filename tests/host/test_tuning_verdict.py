@@ -33,6 +33,7 @@ def test_the_interval_is_that_of_a_paired_t_test() -> None:
     assert "inside the noise of 10 rounds" in heading.sentence()
 
 
+@pytest.mark.full
 def test_noise_alone_seldom_makes_a_statement() -> None:
     """1000 changes that change nothing, with a drift of the battery over the rounds: at most 5 % are called one."""
     rng = np.random.default_rng(2)

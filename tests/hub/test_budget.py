@@ -27,6 +27,7 @@ def test_three_programs_stay_inside_the_byte_budget_at_any_time(crowded: Result)
     assert 0.8 * SHARE * BAUD / 10 < crowded.bytes_s <= SHARE * BAUD / 10
 
 
+@pytest.mark.full
 def test_set_points_come_often_enough_for_the_robot_to_drive(crowded: Result) -> None:
     assert crowded.gap_s < parameter_table()["SAFE_CMD_TO"].default
 
@@ -93,6 +94,7 @@ def test_a_command_said_again_while_it_waits_goes_out_once() -> None:
     assert len(bench.commands(ARM)) == 1
 
 
+@pytest.mark.full
 def test_a_flood_of_stops_does_not_fill_the_line_and_another_programs_stop_still_gets_through() -> None:
     bench = Bench(SLOW)
     mad, calm = bench.join("mad"), bench.join("calm")

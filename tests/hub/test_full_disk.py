@@ -61,6 +61,7 @@ def test_who_cannot_be_found_says_so_and_has_the_port(cable: Cable, tmp_path: Pa
     assert f"no other program can share {cable.path}: cannot write" in done.stderr
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("failure", [FULL, SHORT, BROKEN], ids=lambda failure: failure.name)
 def test_a_hub_that_nobody_would_find_does_not_start(own_places: None, tmp_path: Path, failure: Failure) -> None:
     need_shim()
@@ -108,6 +109,7 @@ def _no_room(_: int) -> None:
     raise OSError(28, "No space left on device")
 
 
+@pytest.mark.full
 def test_another_users_folder_keeps_nobody_from_a_robot(cable: Cable, robot_urls: list[str], tmp_path: Path) -> None:
     places.folder().chmod(0o777)
     done = subprocess.run(

@@ -60,6 +60,7 @@ def test_a_second_command_starts_a_hub_and_the_first_goes_on(cable: Cable) -> No
         assert "WS_P = 5" in third.stdout
 
 
+@pytest.mark.full
 def test_a_hub_that_is_started_takes_the_port_from_a_command_that_runs(cable: Cable) -> None:
     with (
         connect(str(cable.path)) as first,
@@ -169,6 +170,7 @@ def test_the_robot_stops_by_itself_when_the_hub_is_killed(cable: Cable, robot_ur
         assert driver.wait(WAIT_S) == 1
 
 
+@pytest.mark.full
 def test_a_hub_survives_unplugging_and_its_clients_are_told(cable: Cable, hub_url: str) -> None:
     with connect(hub_url) as robot:
         cable.unplug()

@@ -41,6 +41,7 @@ def tried() -> Iterator[tuple[Builder, Runner]]:
     runner.close()
 
 
+@pytest.mark.full
 def test_mutants_are_killed_by_tests_that_build_the_sources(tried: tuple[Builder, Runner]) -> None:
     builder, runner = tried
 

@@ -27,6 +27,7 @@ def rmse_mm(trace: Trace) -> np.ndarray:
     return np.asarray(1e3 * np.sqrt((error**2).mean(axis=0)))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("law", ["report", "fast", "watched"])
 def test_the_rose_is_followed_within_3_mm_an_axis(law: str) -> None:
     trace = simulate(SPEC, Case(law, "rose", 0.6, 1.5 * LAP_S))
@@ -45,6 +46,7 @@ def test_the_rose_is_r_04_cos_15_t() -> None:
     assert np.abs(trace.reference[:, 2]).max() == 0.0
 
 
+@pytest.mark.full
 def test_random_points_settle_as_fast_as_the_gains_allow() -> None:
     for seed in (1, 2, 3):
         trace = simulate(SPEC, Case("report", "wide", 1e6, 20.0, seed))

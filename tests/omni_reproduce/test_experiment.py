@@ -8,6 +8,8 @@ import sys
 from contextlib import nullcontext
 from pathlib import Path
 
+import pytest
+
 from hil_sim.processes import worker_pool
 from omni_reproduce.experiment import Context
 from tests.waiting import LONGEST_S, wait_until
@@ -43,6 +45,7 @@ def hold_all(folder: str) -> None:
         Context(Path(folder), pool=pool).map(hold, [Path(folder) / f"{number}" for number in range(40)])
 
 
+@pytest.mark.full
 def test_ctrl_c_ends_the_workers_without_a_traceback_of_theirs(tmp_path: Path) -> None:
     """As a terminal does: the signal goes to all processes of the group."""
     call = f"hold_all({str(tmp_path)!r})"

@@ -195,6 +195,7 @@ def test_as_the_code_had_it_comes_close_to_the_published_filters(name: str) -> N
     np.testing.assert_allclose(ours, SPEC["published"][name], rtol=0.04)
 
 
+@pytest.mark.full
 def test_honest_b_reaches_its_limits() -> None:
     case = setting("honest_b")
     results = run(case, 12)

@@ -105,6 +105,7 @@ def test_the_recursion_is_least_squares_over_everything_that_arrived(more: dict[
     np.testing.assert_allclose(found[steps], 0.5 * (begin + end), rtol=1e-6)
 
 
+@pytest.mark.full
 def test_to_know_less_raises_the_bound() -> None:
     moves, gains = motion_gains(drive(winding(3.0), WORLD), THREE, WORLD)
 

@@ -25,11 +25,13 @@ NUMBERS = {
 }
 
 
+@pytest.mark.full
 def test_a_seed_draws_the_same_worlds_however_many_and_another_seed_others() -> None:
     assert draw(4, 2) == draw(4, 2)
     assert len({draw(seed, number).title for seed in (1, 2) for number in range(1, 21)}) == 40
 
 
+@pytest.mark.full
 def test_worlds_are_inside_their_ranges_and_reach_all_kinds() -> None:
     worlds = [draw(7, number) for number in range(MANY)]
     for name, (low, high) in NUMBERS.items():

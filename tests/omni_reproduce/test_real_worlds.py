@@ -160,6 +160,7 @@ def test_a_row_is_what_the_robot_would_have_logged() -> None:
     assert rows.truth.xy[-1, 0] == pytest.approx(0.05)
 
 
+@pytest.mark.full
 def test_a_world_with_a_right_file_drifts_by_its_rollers_alone() -> None:
     """Dead reckoning of a world's log is exact on ideal wheels but for counts, and off by millimetres on rollers."""
     swing = 0.3 * np.sin(np.pi * np.arange(200) / 200.0)[:, None]
@@ -172,6 +173,7 @@ def test_a_world_with_a_right_file_drifts_by_its_rollers_alone() -> None:
     assert drift[IDEAL][HEADED][0] < 2e-3, "the heading is rounded to a milliradian: 0.6 mm after 0.6 m"
 
 
+@pytest.mark.full
 def test_two_rows_turn_the_body_half_as_often_as_rollers_pass() -> None:
     """The lever arm alternates from row to row: 9 times per turn with two rows of 9, not at all with one row of 18."""
     assert turn_ripple("our world", 9.0) > 2.0 * turn_ripple("our world", 18.0)

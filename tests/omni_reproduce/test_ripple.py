@@ -47,6 +47,7 @@ def rollers(speed: Array, order: float, amplitude: float, seed: int = 0) -> Arra
     return amplitude * np.sin(order * np.cumsum(speed[:, 1]) * T + phase)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("order", [8.0, 13.0, 18.0])
 @pytest.mark.parametrize("red", [0.0, 0.8])
 def test_a_ripple_that_is_there_is_found_at_its_order(order: float, red: float) -> None:
@@ -57,6 +58,7 @@ def test_a_ripple_that_is_there_is_found_at_its_order(order: float, red: float) 
     assert best.contrast > STANDS_OUT
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("red", [0.0, 0.8, 0.95])
 def test_noise_without_a_line_has_no_order_that_stands_out(red: float) -> None:
     for seed in range(3):

@@ -26,11 +26,13 @@ def test_each_controller_ends_inside_the_published_deviation(controller: str) ->
     assert abs(final_cm(controller).mean() - mean) < sd
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("controller", list(SPEC["published"]))
 def test_compensated_every_try_ends_within_a_centimetre(controller: str) -> None:
     assert final_cm(controller, 1.0).max() < 1.0
 
 
+@pytest.mark.full
 def test_without_a_dead_band_there_is_nothing_to_explain() -> None:
     spec = copy.deepcopy(SPEC)
     spec["robot"]["dead_pwm"] = 0
@@ -47,6 +49,7 @@ def test_the_error_is_the_dead_band_over_the_gain() -> None:
     assert np.all(final_cm("P") < 1.05 * np.sqrt(2.0) * radius)
 
 
+@pytest.mark.full
 def test_an_integral_without_limit_swings_the_robot() -> None:
     spec_name = "PID as printed (38), no limit"
     assert final_cm(spec_name).mean() > 2.0 * final_cm("PID").mean()

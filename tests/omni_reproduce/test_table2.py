@@ -32,6 +32,7 @@ def test_the_corrected_law_reaches_what_one_step_of_unknown_slip_allows(seed: in
     assert not run.limited.any()
 
 
+@pytest.mark.full
 def test_each_reason_accounts_for_its_error() -> None:
     rmse = {name: table2.drive(table2.Case(SPEC, name, 7)).rmse for name in SPEC["setting"]}
     assert rmse["feed_forward"][2] < 0.25 * rmse["published"][2]
@@ -39,6 +40,7 @@ def test_each_reason_accounts_for_its_error() -> None:
     assert np.all(rmse["with_r"] > 5.0 * rmse["published"])
 
 
+@pytest.mark.full
 def test_turning_the_world_changes_nothing_but_the_axes() -> None:
     """The rose has a symmetry of 45 degrees: petals and slip statistics are the same, x and y come out alike."""
     rmse = np.mean([table2.drive(table2.Case(SPEC, "corrected", seed)).rmse for seed in range(1, 7)], axis=0)

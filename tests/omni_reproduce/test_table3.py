@@ -21,12 +21,14 @@ def rmse(setting: str, seed: int, spec: dict[str, Any] = SPEC) -> Any:
     return table3.measure(table3.Case(spec, setting, seed))[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", [101, 102])
 def test_published_figures_come_out_within_a_quarter(seed: int) -> None:
     ratio = rmse("published", seed) / PUBLISHED
     assert np.all(np.abs(ratio - 1.0) < 0.25)
 
 
+@pytest.mark.full
 def test_a_path_that_knows_the_limit_is_followed_far_below_a_fifth_of_the_published_error() -> None:
     run = table3.drive(table3.Case(SPEC, "ours_slowed", 101))
     assert np.all(run.rmse < PUBLISHED / 50.0)
@@ -40,6 +42,7 @@ def test_position_first_follows_the_same_path_to_a_fifth_in_position() -> None:
     assert theta > table3.turning_limit_rad(SPEC)
 
 
+@pytest.mark.full
 def test_the_reason_is_the_voltage() -> None:
     published = rmse("published", 103)
     assert np.all(rmse("supply", 103) < 0.5 * published)
@@ -58,6 +61,7 @@ def test_p_alone_is_unstable_at_its_tick() -> None:
         assert bool(np.abs(np.linalg.eigvals(closed)).max() < 1.0) is stable
 
 
+@pytest.mark.full
 def test_the_turning_limit_is_the_best_of_all_signals_with_that_slope() -> None:
     """The same bound by bounded least squares over the slopes of one period."""
     samples, path, robot = 200, SPEC["path"], SPEC["robot"]

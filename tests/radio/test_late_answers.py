@@ -66,6 +66,7 @@ def armed(robot: Robot) -> bool:
     return safety_of(robot).state == "armed"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("seed", range(4))
 def test_the_robot_is_armed_exactly_when_the_host_was_told_so(seed: int) -> None:
     with MemoryRobot() as memory:

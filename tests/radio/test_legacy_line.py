@@ -69,6 +69,7 @@ def drive(client: MemoryClient, lines: Any, seconds: float) -> Any:
     return tick
 
 
+@pytest.mark.full
 def test_the_robot_drives_to_the_point_with_nothing_but_lines(client: MemoryClient) -> None:
     client.armed()
     tick = drive(client, lambda: "0.3,-0.2,0.5*", 6.0)
@@ -145,6 +146,7 @@ def heard_texts(client: MemoryClient) -> list[str]:
     return [m.text for tick in client.ticks(5) for m in tick.others if m.get_type() == "STATUSTEXT"]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     "text",
     ["0.25,-0.15,0.3125*", "+.25, -.150 ,3.125e-1*", "25e-2,-15E-2,0.0003125e+3*", "0.2500000000001,-0.15,.3125*"],

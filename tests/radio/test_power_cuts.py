@@ -85,6 +85,7 @@ def tears(length: int, seed: int) -> Iterator[tuple[int, int, int]]:
                 yield cut, 2, draw.randrange(65536)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("memory", [TEENSY, PC])
 @pytest.mark.parametrize("generation", [1, 2, 3])
 @pytest.mark.parametrize("differing", [1, 20, None])

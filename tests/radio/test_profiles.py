@@ -24,6 +24,7 @@ LONGEST_FRAME = 100
 BENCH_PAGE = Path(__file__).resolve().parents[2] / "docs" / "checks" / "performance.md"
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
 @pytest.mark.parametrize("baud", PROFILES)
 def test_a_minute_of_a_profile_stays_below_60_percent_of_the_line(baud: int, signed: bool) -> None:
@@ -72,6 +73,7 @@ def test_the_default_rates_cannot_flood_a_slow_line() -> None:
         assert max(ages) < 1.5
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("baud", [9600, 115200])
 @pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
 @pytest.mark.parametrize("seed", [1, 2, 3])

@@ -86,6 +86,7 @@ def test_a_recording_played_again_does_nothing(robot: MemoryRobot) -> None:
     assert refused(robot) == (0, 0, len(recording))
 
 
+@pytest.mark.full
 def test_any_flipped_bit_makes_a_signed_command_worthless(robot: MemoryRobot) -> None:
     station = Station(robot, key=KEY, time=START + 2 * MINUTE)
     message = mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0)
@@ -184,6 +185,7 @@ def test_a_key_of_zeros_opens_the_radio_again_for_good(robot: MemoryRobot) -> No
     assert Station(robot).command(ARM, 1) == ACCEPTED
 
 
+@pytest.mark.full
 def test_the_key_survives_a_reboot_and_so_does_the_clock(robot: MemoryRobot) -> None:
     station = Station(robot, key=KEY)
     assert station.command(ARM, 1) == ACCEPTED
@@ -202,6 +204,7 @@ def test_the_key_survives_a_reboot_and_so_does_the_clock(robot: MemoryRobot) -> 
     assert station.command(ARM, 1) == ACCEPTED
 
 
+@pytest.mark.full
 def test_while_disarmed_the_stored_clock_is_never_a_minute_behind(robot: MemoryRobot) -> None:
     for _ in range(4):
         robot.run(61_000)
@@ -212,6 +215,7 @@ def test_while_disarmed_the_stored_clock_is_never_a_minute_behind(robot: MemoryR
             assert 0 <= now - usb(copy).signing_status().time < 60e6
 
 
+@pytest.mark.full
 def test_nothing_is_written_while_armed_and_the_clock_at_once_after(robot: MemoryRobot) -> None:
     station = Station(robot, key=KEY)
     assert station.command(ARM, 1) == ACCEPTED
@@ -342,6 +346,7 @@ def test_a_stored_clock_beyond_the_limit_is_brought_back(robot: MemoryRobot) -> 
         assert Station(copy, key=KEY, time=START).command(ARM, 1) == ACCEPTED
 
 
+@pytest.mark.full
 def test_after_a_power_loss_while_armed_no_recording_of_that_drive_is_taken(robot: MemoryRobot) -> None:
     station = Station(robot, key=KEY)
     assert station.command(ARM, 1) == ACCEPTED

@@ -25,6 +25,7 @@ def test_a_python_module_brings_the_tests_that_import_it_at_any_distance() -> No
     assert not has(tests, "tests/core/test_pid.py")
 
 
+@pytest.mark.full
 def test_a_conftest_brings_its_folder_and_a_test_itself() -> None:
     assert has(chosen("tests/hub/conftest.py"), "tests/hub/test_routing.py")
     assert has(chosen("tests/core/test_pid.py"), "tests/core/test_pid.py")

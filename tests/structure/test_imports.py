@@ -35,6 +35,7 @@ def circles(graph: nx.DiGraph[str]) -> list[list[str]]:
     return [sorted(circle) for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
 
 
+@pytest.mark.full
 def test_no_files_import_each_other() -> None:
     graph = imports(*PACKAGES)
     # What `_core` belongs to is its package for grimp, which sees no compiled modules.

@@ -72,6 +72,7 @@ def said_of_another_include(copy: Path, file: str, header: str) -> list[str]:
         path.write_text(original, encoding="utf-8")
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", PLANTED)
 def test_an_include_in_the_wrong_direction_is_named(copy: Path, name: str) -> None:
     file, header, words = PLANTED[name]

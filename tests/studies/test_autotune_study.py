@@ -48,6 +48,7 @@ def test_robots_differ_and_their_files_are_wrong_by_at_most_what_is_stated(drawn
     assert [one.believed.parameter_values()["ENC_CPR"] for one in drawn] == counts
 
 
+@pytest.mark.full
 def test_a_seed_is_a_robot(drawn: list[DrawnRobot]) -> None:
     again = draw_robot(drawn[2].seed)
     assert again.believed.parameter_values() == drawn[2].believed.parameter_values()

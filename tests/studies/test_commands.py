@@ -76,6 +76,7 @@ def test_sweep_and_optimize_from_the_command_line(quick_file: Path, tmp_path: Pa
     assert (tmp_path / "optimize" / "history.png").stat().st_size > 10_000
 
 
+@pytest.mark.full
 def test_a_study_without_a_path_says_so(tmp_path: Path) -> None:
     text = omni("montecarlo", "hands", "--duration", 1, "--runs", 8, "--out", tmp_path / "study").stdout
     assert "none of them drove on a path" in text

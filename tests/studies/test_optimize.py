@@ -47,6 +47,7 @@ def same(first: Path, second: Path) -> bool:
     return all((first / name).read_bytes() == (second / name).read_bytes() for name in FILES)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("sampler", ["tpe", "cmaes"])
 def test_workers_and_interruptions_change_nothing(
     plan: Plan, tmp_path: Path, interrupted_after: Callable[[int], Pool], sampler: str
@@ -80,6 +81,7 @@ def test_the_first_trial_is_the_scenario_itself_and_the_best_can_be_loaded(plan:
     assert outcome.after.objective < outcome.before.objective
 
 
+@pytest.mark.full
 def test_the_best_keeps_the_constraints(plan: Plan, tmp_path: Path) -> None:
     free = do(plan, tmp_path / "free", LocalPool(2))
     bound = sorted(trial.objective for trial in free.trials)[6]

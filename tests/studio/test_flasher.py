@@ -47,6 +47,7 @@ def finished(flasher: Flasher) -> dict[str, Any]:
 BUILT = Firmware("three_wheel", "", "/dev/a", False)
 
 
+@pytest.mark.full
 def test_a_file_is_checked_and_nothing_is_uploaded(tmp_path: Path) -> None:
     file = write_hex(tmp_path / "good.hex", teensy_program())
     flasher = Flasher()
@@ -58,6 +59,7 @@ def test_a_file_is_checked_and_nothing_is_uploaded(tmp_path: Path) -> None:
     assert state["checked"] is False
 
 
+@pytest.mark.full
 def test_a_damaged_file_says_what_is_wrong(tmp_path: Path) -> None:
     file = tmp_path / "bad.hex"
     file.write_text("what is this?")

@@ -148,6 +148,7 @@ def test_an_upload_that_breaks_off_leaves_the_server_at_work(program: Program) -
         assert ask(socket, "open_run", log=json.loads(answer)["log"])["result"]["duration_s"] == pytest.approx(2.0)
 
 
+@pytest.mark.full
 def test_old_uploads_go_and_are_said_to_be_gone(program: Program) -> None:
     logs = [json.loads(post(program, "/run-log", b"".join(frames(1.0)))[1])["log"] for _ in range(6)]
     with connect(socket_url(program)) as socket:

@@ -18,6 +18,7 @@ def test_each_pin_is_converted_by_its_own_converter(chip: ctypes.CDLL, pin: int,
     assert chip.fake_converting(converter) == channel  # the next one is under way
 
 
+@pytest.mark.full
 def test_it_never_waits_for_a_conversion_and_knows_nothing_before_the_first(chip: ctypes.CDLL) -> None:
     chip.battery_begin(14, 5.0)
     chip.fake_converting(1)

@@ -93,6 +93,7 @@ def test_another_robot_and_a_new_file_of_the_dialect_are_seen(root: Path, robot:
     assert inputs.fingerprint(root, robot) != before
 
 
+@pytest.mark.full
 def test_every_file_that_the_generator_opens_is_an_input(root: Path, robot: Path, tmp_path: Path) -> None:
     """Python itself says what it opens, so that a schema added later cannot be forgotten."""
     shutil.copy(ROOT / "pyproject.toml", root)
@@ -223,6 +224,7 @@ def test_the_sources_that_are_to_be_small_are_there_and_get_their_option_last(
         assert compile_small(made, "file.c") == ("file.c", ["-g", "-O3", "-O2"])
 
 
+@pytest.mark.full
 def test_the_script_ends_the_build_on_a_wrong_robot_file_and_is_strict_when_asked(
     project: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

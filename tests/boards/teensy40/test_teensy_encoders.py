@@ -116,6 +116,7 @@ def test_a_hardware_decoder_is_given_exactly_where_one_can_be(c: ctypes.CDLL, da
         assert {0, 5} <= set(pins)
 
 
+@pytest.mark.full
 def test_pins_that_share_an_input_get_one_decoder(c: ctypes.CDLL) -> None:
     assert plan(c, ((0, 2), (5, 4), (3, 1)), [AUTO] * 3) == (FINE, [0, BY_INTERRUPT, 1])
     assert plan(c, ((0, 2), (5, 4), (3, 1)), [AUTO, HARDWARE, AUTO]) == (FINE, [BY_INTERRUPT, 0, 1])
@@ -123,6 +124,7 @@ def test_pins_that_share_an_input_get_one_decoder(c: ctypes.CDLL) -> None:
     assert plan(c, ((0, 5), (2, 4), (3, 1)), [HARDWARE, AUTO, AUTO])[0] == INPUT_TWICE
 
 
+@pytest.mark.full
 @given(st.data())
 def test_a_robot_file_is_judged_as_the_compiler_judges_it(c: ctypes.CDLL, data: st.DataObject) -> None:
     """``omni robots check`` tells before the build what the build would refuse."""
@@ -165,6 +167,7 @@ def test_the_compiler_refuses_with_the_same_words() -> None:
         assert f"robot file: {words}" in text
 
 
+@pytest.mark.full
 def test_an_impossible_wiring_does_not_compile_and_says_why(tmp_path: Path) -> None:
     assert compile_plan(tmp_path).returncode == 0
     hardware = str([DECODERS[HARDWARE]] * 3)

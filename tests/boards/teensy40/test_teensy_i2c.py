@@ -52,6 +52,7 @@ def test_a_batch_is_joined_by_repeated_starts_and_ends_with_one_stop(bus: Bus) -
     assert no_mistakes(bus)
 
 
+@pytest.mark.full
 def test_a_read_follows_its_write_and_brings_the_chips_bytes(bus: Bus) -> None:
     assert bus.submit(MODE1)
     assert bus.finish() == "done"
@@ -125,6 +126,7 @@ def expected(batch: list[Transaction], events: list[int]) -> list[int]:
     return [*out, STOP]
 
 
+@pytest.mark.full
 def test_random_batches_leave_exactly_their_bytes(bus: Bus) -> None:
     rng = random.Random(4)
     for _ in range(10_000):

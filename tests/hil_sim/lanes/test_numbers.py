@@ -45,6 +45,7 @@ def test_only_the_level_for_it_has_sixteen_lanes(lib: ctypes.CDLL, request: pyte
     assert lib.lanes_count() == (16 if request.node.callspec.params["lib"] == "avx512" else 8)
 
 
+@pytest.mark.full
 def test_every_operation_gives_the_bits_of_the_scalar_one(lib: ctypes.CDLL) -> None:
     assert lib.lanes_wrong_numbers() == 0
 

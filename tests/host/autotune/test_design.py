@@ -128,6 +128,7 @@ def chosen(
     return choose(shown, design, REQUIRED, prefer)
 
 
+@pytest.mark.full
 def test_new_values_are_kept_only_if_a_figure_is_better_and_none_looks_worse(sound: Design) -> None:
     better, worse, same = verdict(-0.2, 0.1), verdict(0.2, 0.1), verdict(-0.02, 0.1)
     for verdicts, kept in (
@@ -395,6 +396,7 @@ def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned(
     assert not any("round" in text for text in told)
 
 
+@pytest.mark.full
 def test_new_values_that_lack_margin_as_swept_are_never_kept(sound: Design, lacking: Design) -> None:
     """The model knows neither slip nor what its measurement missed."""
     better = [verdict(-0.2, 0.1)]

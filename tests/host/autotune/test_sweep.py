@@ -20,6 +20,7 @@ from omniwheel.tuning import ExperimentError
 from omniwheel.wheel_loop import loaded, loop_of, motor_of
 
 
+@pytest.mark.full
 def test_a_sweep_shows_the_margins_that_the_true_robot_has() -> None:
     """The robot file is wrong by up to 30 %. Robot 26 hardly slips, so that its true motor tells the loop."""
     drawn = draw_robot(26)

@@ -71,6 +71,7 @@ def test_an_unstable_loop_has_no_margins() -> None:
     assert found.gain == found.phase_rad == 0.0
 
 
+@pytest.mark.full
 def test_the_noise_is_that_of_rounded_angles() -> None:
     """Simulated: a standing wheel whose angle is measured with white noise as large as the rounding."""
     wheel = loop(FAST, FAST)

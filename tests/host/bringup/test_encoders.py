@@ -29,6 +29,7 @@ def test_good_encoders_pass_and_nothing_is_armed(make_bench: MakeBench, robot: s
     assert abs(result.measured["wheel_2_counts"][1]) == pytest.approx(10000, abs=100)
 
 
+@pytest.mark.full
 def test_exchanged_a_and_b_name_the_line_of_the_robot_file(make_bench: MakeBench) -> None:
     result = check(make_bench(faults=[Fault("encoder_reversed", 0.0, wheel=1)]))
     assert list(failures(result)) == ["encoder 2 direction"]
@@ -36,6 +37,7 @@ def test_exchanged_a_and_b_name_the_line_of_the_robot_file(make_bench: MakeBench
     assert "W2_ENC_DIR=-1" in result.advice[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("counts", "line"), [(2500, 2500), (40000, 40000), (20000, 20000), (8192, 8192)])
 def test_other_counts_per_turn_are_told(make_bench: MakeBench, counts: int, line: int) -> None:
     def change(config: Any) -> None:
@@ -47,12 +49,14 @@ def test_other_counts_per_turn_are_told(make_bench: MakeBench, counts: int, line
     assert number == pytest.approx(line, rel=0.01)
 
 
+@pytest.mark.full
 def test_a_stuck_encoder_sends_to_its_wires(make_bench: MakeBench) -> None:
     result = check(make_bench(faults=[Fault("encoder_stuck", 0.0, wheel=2)]))
     assert list(failures(result)) == ["encoder 3"]
     assert "A and B at the pins" in result.advice[0]
 
 
+@pytest.mark.full
 def test_exchanged_encoders_are_named_both(make_bench: MakeBench) -> None:
     bench = make_bench()
     turn = bench._turn
@@ -62,6 +66,7 @@ def test_exchanged_encoders_are_named_both(make_bench: MakeBench) -> None:
     assert "encoders 1 and 2 are exchanged" in result.advice[0]
 
 
+@pytest.mark.full
 def test_a_hand_that_did_not_turn_a_whole_revolution_is_asked_again(bench: Bench) -> None:
     bench.hands[0] = 0.8 * 2 * math.pi
     result = check(bench)

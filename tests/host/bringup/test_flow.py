@@ -80,6 +80,7 @@ def test_with_that_direction_it_passes(make_bench: MakeBench) -> None:
     assert check_flow(bench.robot, bench).ok
 
 
+@pytest.mark.full
 def test_a_push_of_another_length_is_no_scale(make_bench: MakeBench) -> None:
     bench = in_world(make_bench)
     bench.push_m = 0.5
@@ -130,6 +131,7 @@ def test_wheels_with_an_angle_are_told_to_have_none(make_bench: MakeBench, angle
     assert bench.told == []
 
 
+@pytest.mark.full
 def test_readings_that_are_lost_on_the_way_are_no_scale(make_bench: MakeBench) -> None:
     bench = in_world(make_bench, flow_drop_probability=0.08)
     result = check_flow(bench.robot, bench)
@@ -159,6 +161,7 @@ def with_chip(name: str) -> Any:
     return replace(file, board=replace(file.board, flow=FlowWiring(file.table.flow_chips[name])))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(("mounted_deg", "advice"), [(180.0, 'write "x" into reversed'), (90.0, "exchange the cables")])
 def test_measuring_wheels_are_put_right_not_turned(make_bench: MakeBench, mounted_deg: float, advice: str) -> None:
     bench = in_world(make_bench, flow_angle_rad=math.radians(mounted_deg))

@@ -32,6 +32,7 @@ def in_world(make_bench: MakeBench, axis: int = 3, faults: Any = (), **numbers: 
     return make_bench(on_floor=True, faults=faults, change=change, parameters={"GYRO_AXIS": 3.0})
 
 
+@pytest.mark.full
 def test_a_gyro_that_is_right_passes_and_tells_its_figures(make_bench: MakeBench) -> None:
     bench = in_world(make_bench)
     result = check_gyro(bench.robot, bench)
@@ -53,6 +54,7 @@ def test_its_scale_is_measured(make_bench: MakeBench) -> None:
     assert scales[0] / scales[1] == pytest.approx(1.03, abs=0.002)
 
 
+@pytest.mark.full
 def test_a_wrong_sign_is_told_with_the_line_that_mends_it(make_bench: MakeBench) -> None:
     bench = in_world(make_bench, axis=-3)
     result = check_gyro(bench.robot, bench)
@@ -82,6 +84,7 @@ def test_a_silent_gyro_is_told_before_anybody_turns_anything(make_bench: MakeBen
     assert bench.told == []
 
 
+@pytest.mark.full
 def test_a_large_bias_is_told(make_bench: MakeBench) -> None:
     bench = in_world(make_bench, faults=[Fault("gyro_offset", 0.0, value=0.08)])
     assert "bias" in failures(check_gyro(bench.robot, bench))

@@ -24,6 +24,7 @@ def test_a_wired_board_passes(bench: Bench) -> None:
     assert result.measured["addresses"] == [0x40]
 
 
+@pytest.mark.full
 def test_a_robot_without_the_chip_is_not_asked_for_it(make_bench: MakeBench) -> None:
     """Its bridges hang at the processor's own pins: the walk ended at a bus that is not there."""
     path = str(ROOT / "shared/robots/examples/three_wheel_pins.toml")

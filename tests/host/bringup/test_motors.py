@@ -28,6 +28,7 @@ def reverse(field: str, wheel: int) -> Callable[[Any], None]:
     return change
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("robot", ["three_wheel", "four_wheel"])
 def test_good_motors_pass_and_the_robot_is_left_disarmed(make_bench: MakeBench, robot: str) -> None:
     bench = make_bench(robot=robot)
@@ -47,6 +48,7 @@ def test_nothing_moves_unless_the_person_agrees(bench: Bench) -> None:
     assert all(abs(angle) < 1e-6 for angle in bench.world.c.wheel_angle_rad)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("answer", "line"), [(False, "[motor]: direction = [1, 1, -1]"), (None, "[motor]: direction = [1, 1, -1]")]
 )
@@ -59,6 +61,7 @@ def test_a_reversed_motor_names_its_line(make_bench: MakeBench, answer: bool | N
     assert line in result.advice[0]
 
 
+@pytest.mark.full
 def test_a_reversed_encoder_is_told_from_a_reversed_motor_by_what_the_person_saw(make_bench: MakeBench) -> None:
     bench = make_bench(faults=[Fault("encoder_reversed", 0.0, wheel=2)])
     bench.answers["clockwise"] = True
@@ -67,6 +70,7 @@ def test_a_reversed_encoder_is_told_from_a_reversed_motor_by_what_the_person_saw
     assert "[encoder]: direction = [1, 1, -1]" in result.advice[0]
 
 
+@pytest.mark.full
 def test_crossed_motors_name_both_and_the_channels(make_bench: MakeBench) -> None:
     bench = make_bench(change=swap_channels)
     bench.answers["itself turn"] = False
@@ -75,6 +79,7 @@ def test_crossed_motors_name_both_and_the_channels(make_bench: MakeBench) -> Non
     assert "[wiring]: in1_channel = [13, 9, 3] and in2_channel = [14, 8, 2]" in result.advice[0]
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("kind", "turned", "advice"),
     [("motor_dead", False, "IN1 on PWM channel 13"), ("encoder_stuck", True, "encoder 2 is dead or stuck")],
@@ -97,6 +102,7 @@ def test_one_missing_input_of_a_bridge(make_bench: MakeBench) -> None:
     assert "IN2 on 14" in failures(result)["motor 2 direction"]
 
 
+@pytest.mark.full
 def test_wrong_counts_per_turn_show_in_the_speed(make_bench: MakeBench) -> None:
     def change(config: Any) -> None:
         config.counts_per_revolution = 2500

@@ -29,6 +29,7 @@ def test_the_pings_slow_down_on_a_slower_link(radio: Radio) -> None:
     assert check_radio(robot, duration_s=10.0, baud=2400).measured["sent"] <= 0.3 * 240 * 10 / PING_BYTES + 3
 
 
+@pytest.mark.full
 def test_losses_are_measured_both_ways_and_advised_on(radio: Radio) -> None:
     robot, link = radio
     link.loss = 0.2
@@ -65,6 +66,7 @@ def test_signal_strength_where_the_radio_tells_it(radio: Radio) -> None:
     assert result.ok
 
 
+@pytest.mark.full
 def test_a_walk_out_of_range_shows_window_by_window(radio: Radio) -> None:
     robot, link = radio
     windows = watch_radio(robot)

@@ -13,6 +13,7 @@ def failures(result: Result) -> dict[str, str]:
     return {finding.name: finding.advice for finding in result.findings if not finding.ok}
 
 
+@pytest.mark.full
 def test_all_three_stops_work_in_time_and_the_robot_is_left_ready(bench: Bench) -> None:
     result = check_stops(bench.robot, bench)
     assert result.ok, failures(result)
@@ -23,6 +24,7 @@ def test_all_three_stops_work_in_time_and_the_robot_is_left_ready(bench: Bench) 
     bench.robot.arm()  # the emergency stop is released
 
 
+@pytest.mark.full
 def test_another_ground_station_keeps_a_robot_alive_and_is_suspected(make_bench: MakeBench) -> None:
     bench = make_bench()
     connection = bench.robot.connection

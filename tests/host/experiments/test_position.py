@@ -22,6 +22,7 @@ def check_against_the_model(outcome: Outcome) -> None:
     assert outcome["coherence"].measured > 0.8
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("axis", ["x", "theta"])
 def test_the_measured_position_loop_is_that_of_the_model(axis: str) -> None:
     with connected(FLOOR) as robot:
@@ -31,6 +32,7 @@ def test_the_measured_position_loop_is_that_of_the_model(axis: str) -> None:
     assert not outcome.remarks
 
 
+@pytest.mark.full
 def test_a_smaller_lambda_shows_where_the_governed_step_showed_nothing() -> None:
     """`omni tune` steps through the reference governor: 40-fold gains gave the same rise time."""
     rises = []

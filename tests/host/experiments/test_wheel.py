@@ -53,6 +53,7 @@ def check_against_the_exact_loop(outcome: Outcome) -> None:
     assert not outcome.remarks
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("wheel", [0, 1])
 def test_on_a_stand_the_measured_loop_is_the_exact_one(wheel: int) -> None:
     with connected() as robot:
@@ -62,6 +63,7 @@ def test_on_a_stand_the_measured_loop_is_the_exact_one(wheel: int) -> None:
     assert abs(outcome["delay_s"].measured) < 1e-4
 
 
+@pytest.mark.full
 def test_on_the_floor_the_body_is_part_of_the_load() -> None:
     with connected(FLOOR) as robot:
         check_against_the_exact_loop(chirp(robot, wheel=0))
@@ -163,6 +165,7 @@ def test_an_emergency_stop_from_somebody_else_ends_it() -> None:
         assert robot.status.state == "estop"
 
 
+@pytest.mark.full
 def test_the_fast_robot_is_not_driven_to_its_duty_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its loop swings more near 20 Hz than a jump needs at once: the sweep that was chosen cut its own voltages."""
     fast = load_scenario("sitl", robot="fast_three_wheel")

@@ -75,6 +75,7 @@ def outputs(sketch: Path, data: bytes) -> list[tuple[int, ...]]:
     return [tuple(int(word) for word in line.split()) for line in done.stdout.decode().splitlines()]
 
 
+@pytest.mark.full
 @given(st.lists(st.one_of(st.tuples(*[st.integers(-300, 300)] * 4), st.text("0123456789,-", max_size=30)), max_size=4))
 @example(["0000001,2,3,4", "1,2,3,4000000000000000000000"])
 @example(["1,2,3", "4,5,6,7", "9" * 30, "-1,-2,-3,-4"])

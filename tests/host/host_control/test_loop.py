@@ -77,6 +77,7 @@ def test_from_three_metres_as_in_the_report() -> None:
     assert math.hypot(*setup.robot.world.truth[:2]) < 0.01
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("mode", ["pid", "ismc"])
 def test_it_follows_a_path_within_millimetres_over_9600_baud(mode: str) -> None:
     setup = Setup(Goal(), CIRCLE_START, changes={**CIRCLE, "CTL_MODE": mode})
@@ -108,6 +109,7 @@ def test_equal_runs_give_equal_numbers() -> None:
     assert not np.array_equal(records[0], records[2])
 
 
+@pytest.mark.full
 def test_it_pauses_while_the_cameras_see_nothing_and_goes_on() -> None:
     faults = [Fault("pose_loss", 4.0, 5.0)]
     setup = Setup(Goal(), CIRCLE_START, changes=CIRCLE, faults=faults)

@@ -99,6 +99,7 @@ def test_unknown_speeds_and_gaps_are_left_out(driven: list[Dataset], layout: Lay
     np.testing.assert_allclose(found.estimate.values[:4], TRUE[:4], rtol=5e-3)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("kept", "says"), [(slice(0, 2), "rotation is not excited"), (slice(2, 4), "translation is not")]
 )

@@ -39,6 +39,7 @@ def test_radii_by_wheel_and_direction_are_recovered(study: LogStudy) -> None:
     assert whole.wheel_distance_m == pytest.approx(KNOWN.distance_m, rel=0.03)
 
 
+@pytest.mark.full
 def test_motor_curves_are_recovered(study: LogStudy) -> None:
     fit = study.whole.curve
     for slope, dead in (

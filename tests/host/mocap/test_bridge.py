@@ -266,6 +266,7 @@ def test_a_short_message_counts_its_own_rounding() -> None:
     assert message.sd_theta_mrad10 == 0
 
 
+@pytest.mark.full
 def test_a_stream_that_stops_is_silence_and_one_that_comes_back_goes_on(lab: Callable[..., Lab]) -> None:
     here = lab()
     source = cameras(here)

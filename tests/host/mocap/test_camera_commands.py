@@ -188,6 +188,7 @@ def test_a_bad_camera_file_is_named(tmp_path: Path, old: str) -> None:
         load_setup(tmp_path / "camera.toml")
 
 
+@pytest.mark.full
 def test_lens_and_place_files_are_checked(tmp_path: Path) -> None:
     camera = write_files(tmp_path, SCENE)
     setup = load_setup(camera)

@@ -65,6 +65,7 @@ def test_poses_all_over_the_floor_are_as_good_as_stated(eye: Watcher) -> None:
     assert np.abs(errors)[:, :2].max() < 0.002
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("truth", [Pose(0.0, 0.0, 0.0), Pose(0.3, 0.0, math.pi / 2), Pose(0.0, 0.2, -2.0)])
 def test_axes_and_turns_are_the_worlds(eye: Watcher, truth: Pose) -> None:
     assert error(eye.look(SCENE.picture(truth)), truth) == pytest.approx([0.0, 0.0, 0.0], abs=0.006)
@@ -106,6 +107,7 @@ NO_POSE: dict[str, tuple[Callable[[], Array], str]] = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("case", NO_POSE)
 def test_no_pose_is_better_than_a_wrong_one(eye: Watcher, case: str) -> None:
     picture, reason = NO_POSE[case]

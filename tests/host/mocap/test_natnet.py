@@ -100,6 +100,7 @@ class Offline:
         self.frames(30, Body(7))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("version", [(4, 1), (3, 1)])
 def test_a_pose_has_place_heading_and_the_time_at_which_it_was_seen(version: tuple[int, int]) -> None:
     bodies = [Body(3), Body(7, rotation=tuple(TURNED))]

@@ -124,6 +124,7 @@ def poses(source: ViconSource, count: int) -> list[int]:
     return found
 
 
+@pytest.mark.full
 def test_the_reader_process_connects_again_after_a_loss(library: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FAKE_VICON", "lossy")
     source = open_source("vicon:vicon.local/robot")
@@ -135,6 +136,7 @@ def test_the_reader_process_connects_again_after_a_loss(library: ModuleType, mon
     assert not source._process.is_alive()
 
 
+@pytest.mark.full
 def test_the_reader_process_reports_its_errors(library: ModuleType) -> None:
     with pytest.raises(MocapLostError, match="no Vicon DataStream at nowhere"):
         ViconSource("nowhere", "robot")

@@ -227,6 +227,7 @@ def test_a_sensor_of_floor_motion_is_in_the_table_the_drawing_and_its_notes() ->
     assert "x wheel 60 mm left" in words
 
 
+@pytest.mark.full
 @pytest.mark.parametrize(
     ("chip", "address", "words"),
     [
