@@ -48,3 +48,11 @@ def test_a_memory_above_its_budget_is_named(itcm: int, bss: int, named: str) -> 
 def test_a_program_of_another_processor_is_refused() -> None:
     with pytest.raises(ValueError, match=r"text\.itcm"):
         budget.Usage.from_size_output(".text 1000 0\n.data 10 0\n")
+
+
+def test_a_controller_from_outside_the_tree_has_a_block_of_its_own() -> None:
+    usage = budget.Usage.from_size_output(SIZES.format(itcm=193 * 1024, bss=1000))
+    assert usage.within_budget(budget.CONTROLLER_CODE)
+    assert "BUDGET" not in budget.report(usage, budget.CONTROLLER_CODE)
+    usage = budget.Usage.from_size_output(SIZES.format(itcm=(192 + 33) * 1024, bss=1000))
+    assert not usage.within_budget(budget.CONTROLLER_CODE)
