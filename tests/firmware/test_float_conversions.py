@@ -57,6 +57,7 @@ def try_out(robot: FakeRobot) -> None:
 
 
 @pytest.mark.full
+@pytest.mark.timeout(600)
 def test_a_limit_of_almost_nothing(  # the first that was found
 ) -> None:
     def act(robot: FakeRobot) -> None:
@@ -68,6 +69,7 @@ def test_a_limit_of_almost_nothing(  # the first that was found
 
 
 @pytest.mark.full
+@pytest.mark.timeout(600)
 @pytest.mark.parametrize("seed", range(3))
 def test_parameters_at_and_near_their_ends(seed: int) -> None:
     def act(robot: FakeRobot) -> None:
@@ -85,6 +87,7 @@ def test_parameters_at_and_near_their_ends(seed: int) -> None:
 
 
 @pytest.mark.full
+@pytest.mark.timeout(600)
 def test_every_number_of_every_command(  # most are refused; none may be converted before
 ) -> None:
     commands = [START, 60111, 60113, 60114, 60115, 60116, 60117, 176, 185, 245, 400, 511, 512]
