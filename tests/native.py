@@ -23,6 +23,7 @@ ROOT = Path(__file__).resolve().parent.parent
 WARNINGS = ("-Wall", "-Wextra", "-Wconversion", "-Wdouble-promotion", "-Werror")
 BUILD_S = 600.0
 CAST_TRAPS = ("-fsanitize=float-cast-overflow", "-fsanitize-undefined-trap-on-error", "-Wno-conversion")
+_TEST_PROCESS = os.getpid()
 _ENVIRONMENT = ("CC", "CXX", "OMNI_SANITIZED")
 _MUTANT = ("OMNI_CHANGED", "OMNI_OPTIONS")
 """What tests/mutation/builds.py sets."""
@@ -121,7 +122,8 @@ def untimed() -> Iterator[None]:
     A compiler that hangs ends at its own limit (BUILD_S).
     """
     left_s, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)
-    faulthandler.cancel_dump_traceback_later()  # tests/tiers.py: nothing tells how much of it is left
+    if os.getpid() == _TEST_PROCESS:  # a fork has no such thread, and would wait for it for ever
+        faulthandler.cancel_dump_traceback_later()  # tests/tiers.py: nothing tells how much of it is left
     try:
         yield
     finally:
