@@ -3,7 +3,7 @@
 
 | Tier | Tests | Run by |
 |---|---|---|
-| fast | unit, property and in-process tests, and one whole drive over a link | ``make test`` |
+| fast | those of at most 0.3 s of processor time, and one whole drive over a link | ``make test`` |
 | all | and those marked ``full``: over 0.3 s of processor time, browsers, images | ``make test-all``, CI |
 | nightly | those marked ``nightly`` alone | ``make nightly ARGS=tests`` |
 
@@ -55,8 +55,11 @@ def select(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave the tests of the chosen tier."""
     tier = config.getoption("tier")
     wanted = {"fast": ("fast",), "all": ("fast", "all"), "nightly": ("nightly",)}[tier]
-    kept = [item for item in items if tier_of(item) in wanted]
-    config.hook.pytest_deselected(items=[item for item in items if tier_of(item) not in wanted])
+    kept: list[pytest.Item] = []
+    others: list[pytest.Item] = []
+    for item in items:
+        (kept if tier_of(item) in wanted else others).append(item)
+    config.hook.pytest_deselected(items=others)
     items[:] = kept
 
 

@@ -16,7 +16,6 @@ import json
 import os
 import random
 import re
-import shutil
 import subprocess
 import sys
 import time
@@ -24,6 +23,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from tests import kept
+from tests.needs import missing, remedies
 
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = ROOT / "build" / "fuzz"
@@ -45,11 +45,6 @@ SETTINGS = ("tests/fuzz/CMakeLists.txt", "cmake/flags.cmake")
 READER = ("shared/generate/omni_schema", "shared/robots", "shared/params.toml", "shared/world.toml")
 """What the reader of robot files consists of, and what it reads."""
 FIRST_INPUTS = 100
-
-
-def missing_tools() -> list[str]:
-    """Return what the fuzzers need and this computer does not have."""
-    return [tool for tool in ("clang", "clang++") if shutil.which(tool) is None]
 
 
 def program(target: str, built_with: str = "sanitizers") -> Path:
@@ -147,9 +142,8 @@ def main() -> int:
     unknown = [target for target in options.targets if target not in TARGETS]
     if unknown:
         parser.error(f"there is no target {', '.join(unknown)}; there are {', '.join(TARGETS)}")
-    missing = missing_tools()
-    if missing:
-        parser.error(f"{' and '.join(missing)} missing (Debian: apt-get install clang libclang-rt-dev)")
+    if missing("clang"):
+        parser.error(f"clang is not installed: {remedies('clang')}")
     searches = options.seconds is not None
     sources = sources_digest() if not searches else ""
     sizes = {target: int(options.bytes * SHARES[target]) for target in options.targets or TARGETS}

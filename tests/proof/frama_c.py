@@ -82,11 +82,6 @@ class Result:
     open: set[Place] = field(default_factory=set)
 
 
-def missing_tools() -> list[str]:
-    """Return the programs that a proof needs and that are not installed."""
-    return [tool for tool in ("frama-c", "ocamlfind", "gcc") if shutil.which(tool) is None]
-
-
 def generate() -> None:
     """Write the core's generated tables."""
     script = ROOT / "shared" / "generate" / "generate.py"

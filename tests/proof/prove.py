@@ -22,6 +22,7 @@ from rich.console import Console
 
 from omni_schema.toml_file import read_toml
 from tests import kept
+from tests.needs import missing, remedies
 from tests.parity.budget_page import replace_block
 from tests.proof.frama_c import (
     FOLDER,
@@ -34,7 +35,6 @@ from tests.proof.frama_c import (
     core_functions,
     fingerprint,
     generate,
-    missing_tools,
     run,
 )
 
@@ -156,9 +156,8 @@ def main(arguments: list[str] | None = None) -> int:
         p for p in everything if (p.name in options.proofs if options.proofs else options.nightly or not p.nightly)
     ]
     console, errors = Console(soft_wrap=True, highlight=False), Console(stderr=True, soft_wrap=True, highlight=False)
-    missing = missing_tools()
-    if missing:
-        errors.print(f"NOTHING WAS PROVED: {', '.join(missing)} not installed (Debian: frama-c-base ocaml-findlib gcc)")
+    if missing("frama-c"):
+        errors.print(f"NOTHING WAS PROVED: frama-c is not installed: {remedies('frama-c')}")
         return int(os.environ.get("CI") == "true")
     places, functions = read_not_proved()
     generate()
