@@ -106,6 +106,10 @@ class Bench:
         """Let the robot say something."""
         self._robot.send(message)
 
+    def robot_system(self, number: int) -> None:
+        """Give the robot another SYS_ID."""
+        self._robot.srcSystem = number
+
     def robot_is(self, *, armed: bool) -> None:
         """Let the robot's heartbeat come."""
         mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0

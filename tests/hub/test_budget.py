@@ -3,13 +3,16 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+
 import pytest
 
 from omniwheel.dialect import mavlink
 from omniwheel.hub.addresses import SHARE
 from omniwheel.hub.core import HubSettings
 from omniwheel.robots import parameter_table
-from tests.hub.bench import ARM, LATER, Bench, command, set_point
+from tests.hub.bench import ARM, LATER, Bench, beat, command, set_point
 from tests.hub.budget import BAUD, Result, run
 
 STOP_S = 0.2
@@ -92,6 +95,46 @@ def test_a_command_said_again_while_it_waits_goes_out_once() -> None:
         bench.run(0.001)
     bench.run(3.0)
     assert len(bench.commands(ARM)) == 1
+
+
+NAN_HOLD = mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP
+URGENT = [(mavlink.MAV_CMD_OMNI_ESTOP, 1.0), (mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0), (ARM, 0.0)]
+
+
+@pytest.mark.parametrize("clients", [1, 50])
+@pytest.mark.parametrize(("number", "value"), URGENT)
+def test_holds_with_nan_in_unused_fields_keep_no_stop_waiting(number: int, value: float, clients: int) -> None:
+    bench = Bench(SLOW)
+    bench.answers = False
+    stations = [bench.join(f"station {at}") for at in range(clients)]
+    for at in range(50):
+        stations[at % clients].send(command(NAN_HOLD, math.nan, math.nan, math.nan, math.nan))
+    bench.join("calm").send(command(number, value))
+    bench.run(STOP_S)
+    assert bench.sent[0][1].command == number
+
+
+def test_an_emergency_stop_goes_before_a_disarm_before_a_hold() -> None:
+    bench = Bench(SLOW)
+    station = bench.join("first")
+    for number, value in [(NAN_HOLD, 0.0), (ARM, 0.0), (mavlink.MAV_CMD_OMNI_ESTOP, 1.0)]:
+        station.send(command(number, value))
+    bench.run(1.0)
+    assert [message.command for _, message in bench.sent] == [mavlink.MAV_CMD_OMNI_ESTOP, ARM, NAN_HOLD]
+
+
+def test_a_flood_of_holds_does_not_starve_the_heartbeats() -> None:
+    bench = Bench(SLOW)
+    bench.answers = False
+    station = bench.join("first")
+    for step in range(3000):
+        station.send(command(NAN_HOLD, math.nan))
+        if step % 100 == 0:
+            station.send(beat())
+        bench.run(0.001)
+    beats_s = [at_s for at_s, message in bench.sent if message.get_type() == "HEARTBEAT"]
+    assert max(after - before for before, after in itertools.pairwise([0.0, *beats_s, bench.now_s])) < 1.5
+    assert sum(len(frame) for _, frame in bench.frames) < 3.0 * SLOW.bytes_s + 400
 
 
 @pytest.mark.full

@@ -114,6 +114,26 @@ def test_the_command_is_free_once_the_robot_is_not_armed() -> None:
     assert second.results()[-1] == ACCEPTED
 
 
+@pytest.mark.parametrize("name", STOPS)
+def test_a_stream_that_somebody_else_stopped_does_not_get_the_command_back(name: str) -> None:
+    bench, first, second = driven()
+    first.send(set_point())
+    second.send(STOPS[name])
+    bench.run(0.05)
+    bench.robot_is(armed=name == "hold")
+    second.send(command(mavlink.MAV_CMD_OMNI_ESTOP, 0.0))
+    bench.run(0.05)
+    bench.sent.clear()
+    for _ in range(60):
+        first.send(set_point(), beat())
+        bench.run(0.05)
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
+    bench.run(PAUSE_S)
+    first.send(set_point())
+    bench.run()
+    assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names(), "who begins anew gets it"
+
+
 def test_the_command_is_free_once_its_client_has_gone() -> None:
     bench, first, second = driven()
     bench.leave(first)

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
+import pytest
+
 from omniwheel.dialect import mavlink
-from tests.hub.bench import ACCEPTED, Bench, beat, command
+from tests.hub.bench import ACCEPTED, ARM, Bench, beat, command
 
 REBOOT_INFO = mavlink.MAV_CMD_REQUEST_MESSAGE
 
@@ -90,3 +92,27 @@ def test_the_hub_speaks_as_a_component_of_its_own_of_the_robots_system() -> None
     bench.run()
     (text,) = station.got("STATUSTEXT")
     assert (text.get_srcSystem(), text.get_srcComponent()) == (1, mavlink.MAV_COMP_ID_UART_BRIDGE)
+
+
+@pytest.mark.parametrize("new", [2, 254])
+def test_a_robot_that_gets_another_number_is_followed_at_once(new: int) -> None:
+    bench = Bench()
+    driver = bench.join("driver")
+    bench.robot_is(armed=False)
+    driver.send(mavlink.MAVLink_param_set_message(1, 1, b"SYS_ID", float(new), mavlink.MAV_PARAM_TYPE_REAL32))
+    bench.robot_system(new)
+    bench.robot_is(armed=False)
+    driver.send(command(ARM, 1.0))
+    bench.run()
+    bench.robot_is(armed=True)
+    assert bench.hub.command.armed
+    bench.robot_is(armed=False)
+    assert bench.hub.command.holder is None
+
+
+def test_a_robot_whose_number_nobody_asked_for_is_another_one() -> None:
+    bench = Bench()
+    bench.robot_is(armed=False)
+    bench.robot_system(2)
+    bench.robot_is(armed=True)
+    assert not bench.hub.command.armed

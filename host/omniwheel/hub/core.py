@@ -79,6 +79,7 @@ class Hub:
         self._own_tries: Counter[tuple[int, float]] = Counter()
         self._robot = (1, 1)
         self._robot_s = float("-inf")
+        self._new_ids: set[int] = set()
         self._boot_ms = 0
         self._sequence = 0
         self._beaten_s = float("-inf")
@@ -185,6 +186,8 @@ class Hub:
         now_s = self._clock()
         self.command.hear(client.number, now_s)
         kind = kind_of(message)
+        if message.get_type() == "PARAM_SET" and message.param_id == "SYS_ID" and 1.0 <= message.param_value <= 254.0:
+            self._new_ids.add(int(message.param_value))
         if kind is Kind.NAME:
             self._introduce(client, str(message.text))
             return
@@ -235,9 +238,13 @@ class Hub:
         if is_command(message):
             self._pending.ask(client.number, message, False, now_s)
         self._outbox.stop(self._waiting(client.number, message, Kind.STOP))
-        if client.number == self.command.holder and is_disarm(message) and not self.command.armed:
+        holder = self.command.holder
+        if holder == client.number and is_disarm(message) and not self.command.armed:
             self.command.release()
             self._released(client, "has disarmed")
+        elif holder not in (None, client.number):
+            self.command.take_away(now_s)
+            self._released(self.clients[holder], f"was stopped by {client.name}")
 
     def _move(self, client: Client, message: Message, kind: Kind) -> None:
         now_s = self._clock()
@@ -307,7 +314,7 @@ class Hub:
         signature = wire.SIGNATURE_BYTES if self._stamp is not None and not wire.is_signed(message) else 0
         slot: object = None
         if kind is Kind.STOP:
-            slot = (message.command, message.param1)
+            slot = message.command
         elif kind in _NEWEST_COUNTS:
             slot = message.get_type()
         elif is_command(message) and receipt_of(message):
@@ -330,13 +337,19 @@ class Hub:
             self._parameters.seen(message, self._clock())
 
     def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
-        """Follow the robot that was heard first; another one on the same radio has no say until this one is silent."""
+        """Follow the robot that was heard first; another one on the same radio has no say until this one is silent.
+
+        It may have a new number (SYS_ID) because a client gave it one.
+        """
         now_s = self._clock()
-        if source != self._robot and now_s - self._robot_s < ROBOT_SILENCE_S:
+        renamed = source[0] in self._new_ids and source[1] == self._robot[1]
+        if source != self._robot and not renamed and now_s - self._robot_s < ROBOT_SILENCE_S:
             return
+        if source != self._robot:
+            self._new_ids.clear()
         self._robot, self._robot_s = source, now_s
         holder = self.command.holder
-        if self.command.robot_says(armed) and holder is not None:
+        if self.command.robot_says(armed, now_s) and holder is not None:
             self._released(self.clients[holder], "is done: the robot is not armed")
         if not armed and holder is not None and holder == self._handed_over:
             self.command.release()

@@ -47,10 +47,16 @@ class InCommand:
         """
         return client == self.holder or (self.holder is None and not self.armed)
 
-    def robot_says(self, armed: bool) -> bool:
+    def robot_says(self, armed: bool, now_s: float) -> bool:
         """Take the robot's heartbeat; return whether the command was released by it."""
         was, self.armed = self.armed, armed
-        return was and not armed and self.release()
+        return was and not armed and self.take_away(now_s)
+
+    def take_away(self, now_s: float) -> bool:
+        """End the command for another reason than its client's wish: the stream that goes on does not get it again."""
+        if self.holder is not None:
+            self._refused_s[self.holder] = now_s
+        return self.release()
 
     def leave(self, client: int) -> bool:
         """Forget a client; return whether the command was released by it."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from omniwheel.byte_budget import ByteBudget
 from omniwheel.dialect import Message
-from omniwheel.hub.rules import Kind
+from omniwheel.hub.rules import Kind, Stop, stop_of
 
 STALE_S = 0.25
 """A set-point or pose fix that has waited for so long is not sent any more."""
@@ -19,6 +19,8 @@ QUEUE_MIN_BYTES = 1200
 """... and at least so much."""
 STOP_BURST_BYTES = 300.0
 """Stops have a second budget as large as the first, and at least so much at once: five of them never wait."""
+REPEAT_S = 1.0
+"""A stop that its client has sent within this time is a repetition."""
 HOLDER_SHARE = 3
 """While others wait, too, the commanding client gets so many bytes for each one of theirs."""
 _CREDIT_BYTES = 100
@@ -35,6 +37,8 @@ class Waiting:
     size: int
     since_s: float
     slot: Hashable = None
+    rank: tuple[bool, bool, int] = (False, False, 0)
+    """Of a stop: the smallest goes first."""
 
 
 class Outbox:
@@ -45,15 +49,31 @@ class Outbox:
         self._budget = budget
         self._clock = clock
         self._stop_budget = ByteBudget(budget.bytes_s, max(STOP_BURST_BYTES, budget.burst_bytes), clock)
-        self._stops: deque[Waiting] = deque()
+        self._stops: list[Waiting] = []
+        self._last_was_hold = False
+        self._stopped_s: dict[tuple[int, Hashable], float] = {}
         self._queues: dict[int, deque[Waiting]] = {}
         self._turns: deque[int] = deque()
         self._ahead_bytes = 0  # of the commanding client, beyond its share
 
     def stop(self, frame: Waiting) -> None:
-        """Let a stop go before everything; one that its client says again while it waits counts once."""
-        if not any((other.client, other.slot) == (frame.client, frame.slot) for other in self._stops):
-            self._stops.append(frame)
+        """Let a stop go before everything, an emergency stop before a disarm before a hold.
+
+        Of the stops of one command and client, whatever their unused fields hold, only the newest waits. One that was
+        sent just now and comes again goes behind those of other clients: a flood of stops holds no stop back.
+        """
+        kind = stop_of(frame.message) or Stop.HOLD
+        now_s = self._clock()
+        self._stopped_s = {key: at_s for key, at_s in self._stopped_s.items() if now_s - at_s < REPEAT_S}
+        repeated = (frame.client, frame.slot) in self._stopped_s
+        frame.rank = (kind is Stop.HOLD, repeated, 0 if repeated else kind)
+        for at, other in enumerate(self._stops):
+            if (other.client, other.slot) == (frame.client, frame.slot):
+                frame.rank = other.rank
+                self._stops[at] = frame
+                return
+        self._stops.append(frame)
+        self._stops.sort(key=lambda stop: stop.rank)  # stable: those of one rank keep their order
 
     def add(self, frame: Waiting) -> bool:
         """Let a frame wait for its client's turn. Return False if its client's queue is full: it is not taken then."""
@@ -107,10 +127,7 @@ class Outbox:
     def next(self, holder: int | None) -> Waiting | None:
         """Take the frame that may be sent now, None if there is none. ``holder`` is the commanding client."""
         if self._stops:
-            if not self._stop_budget.admits(self._stops[0].size):
-                return None
-            self._stop_budget.charge(self._stops[0].size)
-            return self._charged(self._stops.popleft())
+            return self._next_stop()
         client = self._turn(holder)
         if client is None or not self._admits(self._queues[client][0].size):
             return None
@@ -121,6 +138,23 @@ class Outbox:
         ahead = self._ahead_bytes + (frame.size if client == holder else -HOLDER_SHARE * frame.size)
         self._ahead_bytes = max(-_CREDIT_BYTES, min(_CREDIT_BYTES, ahead))
         return self._charged(frame)
+
+    def _next_stop(self) -> Waiting | None:
+        """Take the first stop. Between two holds a heartbeat may go: without any the robot would lose its link."""
+        is_hold, *_ = self._stops[0].rank
+        queue = self._queue_of_a_heartbeat() if self._last_was_hold and is_hold else None
+        frame = self._stops[0] if queue is None else next(f for f in queue if f.kind is Kind.HEARTBEAT)
+        if not self._stop_budget.admits(frame.size):
+            return None
+        (self._stops if queue is None else queue).remove(frame)
+        self._last_was_hold = is_hold and queue is None
+        if queue is None:
+            self._stopped_s[frame.client, frame.slot] = self._clock()
+        self._stop_budget.charge(frame.size)
+        return self._charged(frame)
+
+    def _queue_of_a_heartbeat(self) -> deque[Waiting] | None:
+        return next((q for q in self._queues.values() if any(f.kind is Kind.HEARTBEAT for f in q)), None)
 
     @property
     def is_empty(self) -> bool:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import Enum, IntEnum, auto
 
 from omniwheel.dialect import Message, mavlink
 
@@ -80,23 +80,37 @@ def is_disarm(message: Message) -> bool:
     return is_command(message) and bool(message.command == arming and message.param1 == 0.0)
 
 
-def _is_stop(command: int, param1: float) -> bool:
+class Stop(IntEnum):
+    """Kinds of stops, the most urgent first."""
+
+    ESTOP = auto()
+    DISARM = auto()
+    HOLD = auto()
+    """The robot stays armed, or leaves a loop or an excitation."""
+
+
+def _stop_of(command: int, param1: float) -> Stop | None:
     """As the firmware sees it (firmware/app/stops.cpp); holding the pose and leaving the loop are stops here, too."""
-    if command in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_OMNI_HIL):
-        return param1 == 0.0
     if command == mavlink.MAV_CMD_OMNI_ESTOP:
-        return param1 != 0.0
-    if command == mavlink.MAV_CMD_OMNI_EXCITE:
-        return param1 == 0.0
+        return Stop.ESTOP if param1 != 0.0 else None
     if command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION:
-        return param1 > 0.5
-    return bool(command == mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP)
+        return Stop.ESTOP if param1 > 0.5 else None
+    if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+        return Stop.DISARM if param1 == 0.0 else None
+    if command in (mavlink.MAV_CMD_OMNI_HIL, mavlink.MAV_CMD_OMNI_EXCITE):
+        return Stop.HOLD if param1 == 0.0 else None
+    return Stop.HOLD if command == mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP else None
+
+
+def stop_of(message: Message) -> Stop | None:
+    """Return which stop a message is; None: none."""
+    return _stop_of(message.command, message.param1) if is_command(message) else None
 
 
 def kind_of(message: Message) -> Kind:
     """Say what a message from a client is."""
     if is_command(message):
-        if _is_stop(message.command, message.param1):
+        if stop_of(message) is not None:
             return Kind.STOP
         if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             return Kind.INTERVAL
