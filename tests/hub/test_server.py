@@ -6,16 +6,18 @@ from __future__ import annotations
 import select
 import socket
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 from pymavlink import mavutil
 
 from omniwheel import FirmwareProcess
+from omniwheel.dialect import mavlink
 from omniwheel.hub import clients
 from omniwheel.hub.server import HubServer
 from omniwheel.link import LinkAddress
-from tests.hub.bench import ARM, Bench, beat, command
+from tests.hub.bench import ARM, Bench, beat, command, set_point
 
 ROUNDS = 3000
 
@@ -119,6 +121,38 @@ def test_a_client_that_does_not_read_is_sent_away_and_the_others_go_on(
         assert len(server.hub.clients) == 1
         busy.close()
         lazy.close()
+
+
+def test_idle_connections_neither_end_the_hub_nor_lock_out_a_stop(robot: str) -> None:
+    with HubServer(robot, ["tcp:127.0.0.1:0"]) as server, ExitStack() as stack:
+        driver = mavutil.mavlink_connection(server.urls[0], dialect="common")
+        stack.callback(driver.close)
+        driver.mav.send(set_point())
+        serve_until(server, lambda: server.hub.command.holder)
+        host, port = server.urls[0].removeprefix("tcp:").split(":")
+        for _ in range(300):
+            stack.enter_context(socket.create_connection((host, int(port))))
+            server.serve(0.0)
+        assert len(server.hub.clients) == clients.MOST_CLIENTS
+        assert server.hub.command.holder is not None, "who commands is not sent away"
+        calm = mavutil.mavlink_connection(server.urls[0], dialect="common")
+        stack.callback(calm.close)
+        calm.mav.send(command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0))
+        serve_until(server, lambda: calm.recv_match(type="COMMAND_ACK", blocking=False))
+
+
+def test_a_flood_of_udp_peers_does_not_fill_the_hub() -> None:
+    bench = Bench()
+    server = clients.UdpClients(bench.hub, LinkAddress("udpin", "127.0.0.1", free_udp_port()), lambda: 0.0)
+    message = beat()
+    message.pack(mavutil.mavlink.MAVLink(None, 255, 190))
+    place = server.url.removeprefix("udpin:").split(":")
+    for _ in range(clients.MOST_CLIENTS + 50):
+        with socket.socket(type=socket.SOCK_DGRAM) as peer:
+            peer.sendto(bytes(message.get_msgbuf()), (place[0], int(place[1])))
+        server.read(set(server.sockets()))
+    assert len(bench.hub.clients) == clients.MOST_CLIENTS
+    server.close()
 
 
 def test_a_port_that_is_not_there_is_said_once_and_waited_for() -> None:

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import pytest
+
 from omniwheel.dialect import TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
 from omniwheel.hub.client import HUB_COMPONENT
 from omniwheel.hub.rules import receipt_of
-from tests.hub.bench import ACCEPTED, DENIED, Bench, beat, command
+from tests.hub.bench import ACCEPTED, DENIED, LATER, Bench, beat, command
 
 TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
 
@@ -28,6 +30,50 @@ def test_a_client_that_goes_in_its_trial_is_cleaned_up_after() -> None:
     bench.run()
     assert trials(bench) == [(190, TRIAL_BEGIN), (HUB_COMPONENT, TRIAL_BACK)]
     assert watcher.results(TRIAL) == [ACCEPTED], "that of the tuner, which all may know; none of the hub's"
+
+
+@pytest.mark.parametrize("answer", [None, LATER])
+def test_the_end_of_a_trial_is_said_until_the_robot_acknowledges_it(answer: int | None) -> None:
+    bench = Bench()
+    tuner, other = bench.join("tuner"), bench.join("studio")
+    bench.robot_is(armed=False)
+    tuner.send(command(TRIAL, TRIAL_BEGIN))
+    bench.run()
+    bench.answers = False
+    bench.leave(tuner)
+    for _ in range(5):
+        bench.run(1.0)
+        if answer is not None:
+            receipt = receipt_of(bench.sent[-1][1])
+            bench.robot_sends(mavlink.MAVLink_command_ack_message(TRIAL, answer, 0, receipt, 255, HUB_COMPONENT))
+    other.send(command(TRIAL, TRIAL_BEGIN, count=9))
+    bench.run(0.1)
+    assert other.results(TRIAL)[-1] == LATER
+    bench.answers = True
+    bench.run(2.0)
+    ends = trials(bench)
+    assert len(ends) >= 5
+    assert set(ends[1:]) == {(HUB_COMPONENT, TRIAL_BACK)}
+    bench.run(5.0)
+    assert trials(bench) == ends
+    other.send(command(TRIAL, TRIAL_BEGIN, count=10))
+    bench.run()
+    assert trials(bench)[-1] == (190, TRIAL_BEGIN)
+
+
+@pytest.mark.parametrize("end", [TRIAL_KEEP, TRIAL_BACK])
+def test_a_client_that_goes_before_the_end_of_its_trial_is_acknowledged_is_cleaned_up_after(end: float) -> None:
+    bench = Bench()
+    tuner = bench.join("tuner")
+    bench.robot_is(armed=False)
+    tuner.send(command(TRIAL, TRIAL_BEGIN))
+    bench.run()
+    bench.answers = False
+    tuner.send(command(TRIAL, end, count=2))
+    bench.run()
+    bench.leave(tuner)
+    bench.run()
+    assert trials(bench)[-1] == (HUB_COMPONENT, TRIAL_BACK)
 
 
 def test_a_client_that_has_ended_its_trial_leaves_everything_as_it_is() -> None:

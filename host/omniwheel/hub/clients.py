@@ -15,6 +15,9 @@ READ_BYTES = 4096
 """At once from one client, so that none keeps a stop of another one waiting."""
 UNREAD_BYTES = 1 << 20
 """A client that leaves so much unread is sent away."""
+MOST_CLIENTS = 100
+"""At one address. For one more, the one that has been silent for longest is sent away, so that nobody locks others out.
+select() can wait for 1024 sockets."""
 UDP_SILENCE_S = 10.0
 """A UDP peer that found the hub by itself is forgotten after this silence."""
 
@@ -29,7 +32,7 @@ class TcpClients:
         except OSError as error:
             raise _cannot_listen("tcp", address, error) from error
         self._listener.setblocking(False)
-        self._clients: dict[socket.socket, int] = {}
+        self._clients: dict[socket.socket, int] = {}  # the one that has been silent for longest first
         self._unsent: dict[int, bytearray] = {}
 
     @property
@@ -56,6 +59,7 @@ class TcpClients:
             except OSError:
                 data = b""
             if data:
+                self._clients[client] = self._clients.pop(client)
                 self._hub.from_client(self._clients[client], data)
             else:
                 self._leave(client)
@@ -91,6 +95,10 @@ class TcpClients:
             return
         client.setblocking(False)
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if len(self._clients) >= MOST_CLIENTS:
+            silent = next(old for old, number in self._clients.items() if number != self._hub.command.holder)
+            _say_sent_away(self._hub, self._clients[silent])
+            self._leave(silent)
         number = self._hub.join(f"{host}:{port}")
         self._clients[client] = number
         self._unsent[number] = bytearray()
@@ -147,8 +155,12 @@ class UdpClients:
         if self._fixed is not None and peer[:2] != self._fixed:
             return
         peer = peer[:2]
-        number, until_s = self._peers.get(peer, (0, 0.0))
+        number, until_s = self._peers.pop(peer, (0, 0.0))  # to the end: those silent for longest come first
         if not number:
+            if len(self._peers) >= MOST_CLIENTS:
+                silent = next(old for old, (at, _) in self._peers.items() if at != self._hub.command.holder)
+                _say_sent_away(self._hub, self._peers[silent][0])
+                self._hub.leave(self._peers.pop(silent)[0])
             number = self._hub.join(f"udp {peer[0]}:{peer[1]}")
         self._peers[peer] = (number, max(until_s, now_s + UDP_SILENCE_S))
         self._hub.from_client(number, data)
@@ -166,6 +178,10 @@ class UdpClients:
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
+
+
+def _say_sent_away(hub: Hub, number: int) -> None:
+    hub.events.append(f"{hub.clients[number].name} is sent away: {MOST_CLIENTS} clients are the most, and it is silent")
 
 
 def _cannot_listen(kind: str, address: LinkAddress, error: OSError) -> LinkOpenError:

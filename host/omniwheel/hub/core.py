@@ -85,6 +85,8 @@ class Hub:
         self._beaten_s = float("-inf")
         self._handed_over: int | None = None
         self._trying: int | None = None
+        """The client whose trial goes on; NOBODY: it is gone, and the robot has not acknowledged the end yet."""
+        self._trial_end_s = float("-inf")
         self._next = 1
 
     # ---- clients
@@ -107,8 +109,8 @@ class Hub:
         self._own_s = float("-inf")
         self._say(f"{client.name} has gone")
         if self._trying == number:
-            self._trying = None
-            self._send_own(mavlink.MAV_CMD_OMNI_TRIAL, (TRIAL_BACK,), Kind.OTHER)
+            self._trying = NOBODY
+            self._end_trial()
         if self.command.leave(number):
             self._released(client, "has gone")
 
@@ -406,6 +408,13 @@ class Hub:
         if self.is_open and now_s - self._own_s >= OWN_TRY_S:
             self._own_s = now_s
             self._ask_for_streams()
+        if self.is_open and self._trying == NOBODY and now_s - self._trial_end_s >= OWN_TRY_S:
+            self._end_trial()
+
+    def _end_trial(self) -> None:
+        """Take back what a client that is gone has tried; said again until the robot acknowledges it."""
+        self._trial_end_s = self._clock()
+        self._send_own(mavlink.MAV_CMD_OMNI_TRIAL, (TRIAL_BACK,), Kind.OTHER)
 
     def _ask_for_streams(self) -> None:
         """Ask the robot for what the clients' wishes come to, where that is not what it was asked for last."""
@@ -422,20 +431,25 @@ class Hub:
         """
         if not is_command(message) or message.command != mavlink.MAV_CMD_OMNI_TRIAL:
             return True
+        if self._trying == NOBODY:
+            self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
+            self._refuse(client.number, message, _LATER)
+            return False
         if self._trying not in (None, client.number):
             self._tell(client, f"hub: {self.clients[self._trying].name} tries parameters", _WARNING)
             self._refuse(client.number, message, _DENIED)
             return False
         if message.param1 == TRIAL_BEGIN:
             self._trying = client.number
-        elif message.param1 in (TRIAL_KEEP, TRIAL_BACK):
-            self._trying = None
         return True
 
     def _trial_answered(self, question: Question, ack: Message) -> None:
-        """Whatever the robot refuses of a trial, there is none of this client."""
-        if question.command == mavlink.MAV_CMD_OMNI_TRIAL and question.client == self._trying:
-            self._trying = self._trying if ack.result == _ACCEPTED else None
+        """A trial ends when the robot says so: by its acknowledgement of the end, or because it refuses the rest."""
+        if question.command != mavlink.MAV_CMD_OMNI_TRIAL or question.client != self._trying:
+            return
+        ended = ack.result == _ACCEPTED and question.action in (TRIAL_KEEP, TRIAL_BACK)
+        if ended or ack.result not in (_ACCEPTED, _LATER, mavlink.MAV_RESULT_IN_PROGRESS):
+            self._trying = None
 
     def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
         """Send a command of the hub itself; its answer is for no client."""

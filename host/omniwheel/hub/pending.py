@@ -26,6 +26,8 @@ class Question:
     asked_s: float
     about: tuple[int, float] = (0, 0.0)
     """Of a wish for telemetry: the message and its interval."""
+    action: float = 0.0
+    """Of any other command: its first parameter."""
 
     def is_like(self, other: Question) -> bool:
         """Return whether this is the same, asked again."""
@@ -43,7 +45,7 @@ class Pending:
     def ask(self, client: int, message: Message, moves: bool, now_s: float) -> None:
         """Take note of a command; one that is said again counts once."""
         about = (int(message.param1), float(message.param2)) if message.command == _INTERVAL else (0, 0.0)
-        new = Question(client, message.command, receipt_of(message), moves, now_s, about)
+        new = Question(client, message.command, receipt_of(message), moves, now_s, about, float(message.param1))
         self._expire(now_s)
         for question in self._questions:
             if question.is_like(new):
