@@ -295,7 +295,8 @@ def test_an_upload_ends_with_the_version_that_the_board_says(
     assert said["port"] == board
     assert said["version"]["git_hash"] == bench.git_hash
     arguments, _ = bench.called("teensy_loader_cli")
-    assert arguments == ["--mcu=TEENSY40", "-w", "-v", str(bench.hex)]
+    assert arguments[:-1] == ["--mcu=TEENSY40", "-w", "-v"]
+    assert Path(arguments[-1]).name == bench.hex.name
 
 
 def test_a_released_file_is_uploaded_without_building(
@@ -308,6 +309,31 @@ def test_a_released_file_is_uploaded_without_building(
     assert "runs firmware" in result.stdout
     assert not bench.was_called("pio")
     assert bench.was_called("teensy_loader_cli")
+
+
+def test_what_was_checked_is_uploaded_whatever_becomes_of_the_file(
+    bench: Bench, board: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good, uploaded = bench.hex.read_bytes(), []
+
+    def enter(_: object) -> bool:
+        bench.hex.write_text("another program")
+        return True
+
+    monkeypatch.setattr(loader, "enter_bootloader", enter)
+    monkeypatch.setattr(loader, "run_loader", lambda _, image: uploaded.append(image.read_bytes()))
+    bench.ports = [teensy(board)]
+    assert flash(str(bench.hex)).exit_code == 0
+    assert uploaded == [good]
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "pipe", "folder"])
+def test_what_is_no_file_is_refused_at_once(bench: Bench, tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    result = flash(str(tmp_path / name), "--dry-run")
+    assert result.exit_code == 2
+    assert "no file" in result.stderr
 
 
 def test_a_loader_that_fails_says_how_to_go_on(bench: Bench) -> None:

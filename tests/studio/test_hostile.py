@@ -18,6 +18,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
+from omniwheel.studio.signals import possible_signals
 from tests.studio.parts import Opener, Program, running, studio, until
 from tests.waiting import pass_time, receive_until, wait_until
 
@@ -84,6 +85,11 @@ BAD = [
     '{"do": "show", "signals": ["tracking.pose.x"], "span_s": "x"}',
     '{"do": "window", "begin_s": -1e300, "end_s": 1e300, "width": 1e300}',
     '{"do": "window"}',
+    '{"do": "here", "id": ' + "9" * 400 + "}",
+    '{"do": "velocity", "vx": ' + "9" * 400 + ', "vy": 0, "wz": 0}',
+    '{"do": "set", "values": {"ISMC_LAM_XY": ' + "9" * 400 + "}}",
+    '{"do": "follow_line", "line": [[' + "9" * 400 + ', 0], [1, 1]], "speed": 1}',
+    '{"do": "record", "on": ' + "9" * 400 + "}",
     '{"do": "rate", "hz": -1}',
     '{"do": "rate", "hz": 1e9}',
     '{"do": "start_trajectory", "type": "../../etc", "laps": -1}',
@@ -129,6 +135,39 @@ def test_a_stop_comes_through_a_flood_of_requests(simulated: Program) -> None:
         socket.send(json.dumps({"do": "stop"}))
         wait_until(lambda: simulated.state()["robot"]["state"] == "estop", "the stop did not come through")
         ask(socket, "release")
+
+
+def test_a_page_that_reads_nothing_takes_no_memory_and_still_stops_the_robot(simulated: Program) -> None:
+    def resident_mb() -> float:
+        pages = int(Path(f"/proc/{simulated.process.pid}/statm").read_text(encoding="ascii").split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    with connect(socket_url(simulated)) as socket:
+        ask(socket, "take_over")
+        ask(socket, "release")
+        assert "error" not in ask(socket, "arm")
+        keys = list(possible_signals())[:60]
+        show = json.dumps({"do": "show", "signals": keys, "span_s": 1e4})
+        look = json.dumps({"do": "window", "begin_s": 0, "end_s": 1e6, "width": 4000})
+        before_mb = resident_mb()
+        with connect(socket_url(simulated), max_queue=1) as deaf:  # with a full queue it reads no further
+            deaf.send(show)
+            for _ in range(1500):
+                deaf.send(look)
+            ask(socket, "here")
+            assert resident_mb() < before_mb + 50.0
+            deaf.send(json.dumps({"do": "stop"}))
+            wait_until(lambda: simulated.state()["robot"]["state"] == "estop", "the stop did not come through")
+        ask(socket, "release")
+
+
+def test_only_the_page_in_command_records(simulated: Program) -> None:
+    with connect(socket_url(simulated)) as driver, connect(socket_url(simulated)) as watcher:
+        ask(driver, "take_over")
+        assert "another page commands" in ask(watcher, "record", on=True)["error"]
+        assert "error" not in ask(driver, "record", on=True)
+        assert "another page commands" in ask(watcher, "record", on=False)["error"]
+        assert "error" not in ask(driver, "record", on=False)
 
 
 def test_files_outside_the_page_are_not_served(simulated: Program) -> None:

@@ -3,17 +3,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import http.client
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import AsyncIterator, Iterator
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import pytest
 from websockets.sync.client import connect
 
-from omniwheel.studio.runs import LARGEST_UPLOAD
+from omniwheel.errors import LogError
+from omniwheel.studio import runs
+from omniwheel.studio.runs import LARGEST_UPLOAD, MOST_UPLOADS
 from tests.studio.parts import Program, studio
 from tests.studio.recorded import frames, write_run
 from tests.studio.test_hostile import ask, socket_url
@@ -131,6 +135,31 @@ def test_a_log_that_is_too_large_is_refused_before_it_is_sent(program: Program) 
     status, answer = post(program, "/run-log", b"x", {"Content-Length": str(LARGEST_UPLOAD + 1)})
     assert status == 400
     assert "512 MB" in json.loads(answer)["error"]
+
+
+def test_uploads_that_stall_keep_no_other_out(program: Program) -> None:
+    port = int(program.url.split(":")[2].strip("/"))
+    stalled = [http.client.HTTPConnection("127.0.0.1", port) for _ in range(MOST_UPLOADS - 1)]
+    for connection in stalled:
+        connection.putrequest("POST", "/run-log")
+        connection.putheader("Content-Length", "1000000")
+        connection.endheaders()
+        connection.send(b"x" * 1000)
+    status, _ = post(program, "/run-log", b"".join(frames(2.0)))
+    assert status == 200
+    for connection in stalled:
+        connection.close()
+
+
+def test_an_upload_that_stalls_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Stalled:
+        async def stream(self) -> AsyncIterator[bytes]:
+            yield b"x"
+            await asyncio.Event().wait()
+
+    monkeypatch.setattr(runs, "STALLED_S", 0.01)
+    with pytest.raises(LogError):
+        asyncio.run(runs._received(Stalled(), BytesIO()))
 
 
 def test_an_upload_that_breaks_off_leaves_the_server_at_work(program: Program) -> None:

@@ -7,6 +7,7 @@ import shlex
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -153,7 +154,11 @@ def _upload(program: Program, board: Board, loader: str) -> Flashed:
     if not left or board.port is None:
         note("if the board does not wait in its bootloader yet: press its button")
     try:
-        run_loader(loader, program.image.path)
+        with TemporaryDirectory(prefix="omniwheel-flash-") as folder:
+            # What was checked is uploaded, whatever becomes of the file meanwhile.
+            checked = Path(folder) / program.image.path.name
+            checked.write_bytes(program.image.content)
+            run_loader(loader, checked)
     except KeyboardInterrupt:
         note(f"the upload was cut short: {CUT_SHORT}")
         raise

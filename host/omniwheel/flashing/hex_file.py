@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 import io
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -31,11 +31,16 @@ _AGAIN = "get the file again, or build it again"
 
 @dataclass(frozen=True)
 class HexImage:
-    """A program that may be uploaded: ``size`` bytes of flash from its start, and the file's SHA-256."""
+    """A program that may be uploaded: ``size`` bytes of flash from its start, and the file's content."""
 
     path: Path
     size: int
-    sha256: str
+    content: bytes = field(repr=False)
+
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the content."""
+        return hashlib.sha256(self.content).hexdigest()
 
 
 def read_hex(path: Path) -> HexImage:
@@ -52,17 +57,19 @@ def read_hex(path: Path) -> HexImage:
     missing = length - len(memory)
     if missing:
         raise HexFileError(f"{path}: {missing} of the program's {length} bytes are missing", hint=_AGAIN)
-    return HexImage(path, length, hashlib.sha256(content).hexdigest())
+    return HexImage(path, length, content)
 
 
 def _content(path: Path) -> bytes:
     try:
-        size = path.stat().st_size
-        content = path.read_bytes() if size <= _LARGEST_FILE else b""
+        if path.exists() and not path.is_file():  # a device may have no end
+            raise HexFileError(f"{path} is no file", hint="give the path of a .hex file")
+        with path.open("rb") as file:
+            content = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise HexFileError(f"{path} cannot be read: {error.strerror}", hint="give the path of a .hex file") from error
-    if size > _LARGEST_FILE:
-        raise HexFileError(f"{path}: {size} bytes are more than a Teensy's program can have", hint=_AGAIN)
+    if len(content) > _LARGEST_FILE:
+        raise HexFileError(f"{path}: it has more bytes than a Teensy's program can have", hint=_AGAIN)
     if not content.strip():
         raise HexFileError(f"{path} is empty", hint=_AGAIN)
     return content

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -21,10 +22,22 @@ from omniwheel.studio.session import set_automatic_rate, set_rate
 Request = Mapping[str, Any]
 LARGEST_RATE_HZ = 200.0
 MOST_SIGNALS = 64
+_EXACT_DIGITS = 15
 
 
 class BadRequestError(OmniError):
     """A page asked for something that cannot be understood."""
+
+
+def parsed(text: str | bytes | bytearray) -> Any:
+    """Return what a page has sent as JSON. Raises BadRequestError.
+
+    An integer that no double holds exactly is a float, which may be infinite: nothing converts it later and fails.
+    """
+    try:
+        return json.loads(text, parse_int=lambda digits: int(digits) if len(digits) <= _EXACT_DIGITS else float(digits))
+    except (ValueError, RecursionError) as error:
+        raise BadRequestError("that is no request of this page") from error
 
 
 def number_of(request: Request, name: str, default: float | None = None) -> float:

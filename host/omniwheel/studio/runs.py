@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import tempfile
 from collections import OrderedDict
 from collections.abc import Callable, Coroutine, Mapping
@@ -19,7 +18,7 @@ from starlette.routing import Route
 from omniwheel.errors import LogError, OmniError
 from omniwheel.studio import reading
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import BadRequestError, keys_of, number_of
+from omniwheel.studio.actions import BadRequestError, keys_of, number_of, parsed
 from omniwheel.studio.studio import Page, Studio
 from omniwheel.studio.words import hint_of
 from omniwheel.studio.worker import Worker
@@ -27,6 +26,8 @@ from omniwheel.studio.worker import Worker
 T = TypeVar("T")
 LARGEST_UPLOAD = 512 << 20
 MOST_UPLOADS = 4
+STALLED_S = 20.0
+"""An upload of which nothing comes for so long is ended: it keeps a place."""
 LARGEST_REQUEST = 64 * 1024
 _WIDTHS = (10, 4000)
 _TYPE = "application/octet-stream"
@@ -41,7 +42,7 @@ class Runs:
         self._access = access
         self._headers = dict(headers)
         self._logs = Worker()
-        self._uploading = asyncio.Lock()
+        self._uploading = 0
         self._folder: tempfile.TemporaryDirectory[str] | None = None
         self._uploads: OrderedDict[str, Path] = OrderedDict()
         self._count = 0
@@ -89,7 +90,8 @@ class Runs:
             self._logs.ask(reading.spectra, await self._path(request.get("log")), keys, begin_s, end_s)
         )
 
-    async def _record(self, _page: Page, request: Mapping[str, Any]) -> Any:
+    async def _record(self, page: Page, request: Mapping[str, Any]) -> Any:
+        self._studio.require_command(page)
         if request.get("on") is not True:
             await asyncio.to_thread(self._studio.recorder.stop)
             return None
@@ -122,10 +124,7 @@ class Runs:
             content += part
             if len(content) > LARGEST_REQUEST:
                 raise BadRequestError("that request is too long")
-        try:
-            wanted = json.loads(content)
-        except (ValueError, RecursionError) as error:
-            raise BadRequestError("that is no request of this page") from error
+        wanted = parsed(content)
         if not isinstance(wanted, dict):
             raise BadRequestError("that is no request of this page")
         keys = keys_of(wanted)
@@ -139,21 +138,25 @@ class Runs:
         said = request.headers.get("content-length", "")
         if said.isdigit() and int(said) > LARGEST_UPLOAD:
             raise _too_large()
-        async with self._uploading:
-            if self._folder is None:
-                self._folder = await asyncio.to_thread(tempfile.TemporaryDirectory, prefix="omniwheel-studio-")
-            self._count += 1
-            name = f"file:{self._count}"
-            path = Path(self._folder.name) / f"{self._count}.tlog"
-            try:
-                with await asyncio.to_thread(path.open, "wb") as file:
-                    await _received(request, file)
-            except BaseException:
-                path.unlink(missing_ok=True)
-                raise
-            self._uploads[name] = path
-            while len(self._uploads) > MOST_UPLOADS:
-                self._uploads.popitem(last=False)[1].unlink(missing_ok=True)
+        if self._uploading >= MOST_UPLOADS:
+            raise LogError(f"{MOST_UPLOADS} files are being sent already", hint="wait for one of them")
+        if self._folder is None:
+            self._folder = tempfile.TemporaryDirectory(prefix="omniwheel-studio-")
+        self._count += 1
+        name = f"file:{self._count}"
+        path = Path(self._folder.name) / f"{self._count}.tlog"
+        self._uploading += 1
+        try:
+            with await asyncio.to_thread(path.open, "wb") as file:
+                await _received(request, file)
+        except BaseException:
+            path.unlink(missing_ok=True)
+            raise
+        finally:
+            self._uploading -= 1
+        self._uploads[name] = path
+        while len(self._uploads) > MOST_UPLOADS:
+            self._uploads.popitem(last=False)[1].unlink(missing_ok=True)
         return JSONResponse({"log": name}, headers=self._headers)
 
     async def _path(self, log: Any) -> Path:
@@ -168,13 +171,16 @@ class Runs:
 
 async def _received(request: Request, file: IO[bytes]) -> None:
     size = 0
+    parts = request.stream()
     try:
-        async for part in request.stream():
+        while (part := await asyncio.wait_for(anext(parts, None), STALLED_S)) is not None:
             size += len(part)
             if size > LARGEST_UPLOAD:
                 raise _too_large()
             await asyncio.to_thread(file.write, part)
         await asyncio.to_thread(file.flush)
+    except asyncio.TimeoutError as error:
+        raise LogError(f"nothing more of this file came for {STALLED_S:g} s", hint="send it again") from error
     except OSError as error:
         raise LogError(
             f"there is no room for this file: {error.strerror}", hint="free some space on the disk"

@@ -30,8 +30,9 @@ from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import ACTIONS, BadRequestError, keys_of, number_of
+from omniwheel.studio.actions import ACTIONS, BadRequestError, keys_of, number_of, parsed
 from omniwheel.studio.bringup_walk import wiring_picture
+from omniwheel.studio.outbox import Outbox
 from omniwheel.studio.parameter_view import values_as_json
 from omniwheel.studio.processors import IMAGE, PC, WORDS, processors
 from omniwheel.studio.runs import Runs
@@ -72,6 +73,7 @@ class StudioServer:
         self._vendor_dir = vendor_dir
         self._scenarios = scenarios
         self._changing = asyncio.Lock()
+        self._drawing = asyncio.Lock()
         self.runs = Runs(studio, access, _SECURITY)
         self._local: dict[str, Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]] = {
             "stop": self._stop,
@@ -163,7 +165,7 @@ class StudioServer:
             return
         await socket.accept()
         page = self.studio.open_page()
-        outbox: asyncio.Queue[str | bytes] = asyncio.Queue()
+        outbox = Outbox()
         tasks = [asyncio.create_task(self._send(socket, page, outbox))]
         waiting: set[asyncio.Task[None]] = set()
         try:
@@ -179,7 +181,7 @@ class StudioServer:
             for task in (*tasks, *waiting):
                 task.cancel()
 
-    async def _send(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
+    async def _send(self, socket: WebSocket, page: Page, outbox: Outbox) -> None:
         """Tell a page everything until it has gone. A page that can be told nothing more is closed: it comes anew."""
         try:
             await self._send_all(socket, page, outbox)
@@ -189,11 +191,11 @@ class StudioServer:
                 with suppress(Exception):
                     await socket.close(_OWN_ERROR)
 
-    async def _send_all(self, socket: WebSocket, page: Page, outbox: asyncio.Queue[str | bytes]) -> None:
+    async def _send_all(self, socket: WebSocket, page: Page, outbox: Outbox) -> None:
         turn = 0
         while True:
-            while not outbox.empty():
-                await _send_one(socket, outbox.get_nowait())
+            while (answer := outbox.take()) is not None:
+                await _send_one(socket, answer)
             samples = self.studio.new_samples(page)
             if samples:
                 await socket.send_bytes(samples)
@@ -204,20 +206,20 @@ class StudioServer:
             turn += 1
             await asyncio.sleep(SAMPLES_S)
 
-    async def _receive(
-        self, page: Page, text: str | None, outbox: asyncio.Queue[str | bytes], waiting: set[asyncio.Task[None]]
-    ) -> None:
+    async def _receive(self, page: Page, text: str | None, outbox: Outbox, waiting: set[asyncio.Task[None]]) -> None:
         self.studio.heard(page)
         try:
-            request = json.loads(text or "")
-        except (ValueError, RecursionError):
+            request = parsed(text or "")
+        except BadRequestError:
             request = None
         action = request.get("do") if isinstance(request, dict) else None
+        if outbox.is_full and action not in ("stop", "disarm"):
+            return  # nobody would read the refusal
         if not isinstance(action, str):
-            await outbox.put(json.dumps({"error": "that is no request of this page"}))
+            outbox.put(json.dumps({"error": "that is no request of this page"}))
             return
         if action not in ("stop", "disarm") and len(waiting) >= MOST_WAITING:
-            await outbox.put(_answer(request, error="too many requests at once"))
+            outbox.put(_answer(request, error="too many requests at once"))
             return
         if action in ("stop", "disarm"):
             await self._answered(page, action, request, outbox)
@@ -231,10 +233,13 @@ class StudioServer:
         page: Page,
         action: str,
         request: Mapping[str, Any],
-        outbox: asyncio.Queue[str | bytes],
+        outbox: Outbox,
         stops: int | None = None,
     ) -> None:
-        """Do what a page asked for; ``stops`` is how many stops had been asked for before, None for a stop."""
+        """Do what a page asked for; ``stops`` is how many stops had been asked for before, None for a stop.
+
+        An answer is left out when too many wait already.
+        """
         try:
             if stops is not None and stops < self.studio.stops and action in (*ACTIONS, "experiment", "bring_up"):
                 raise BadRequestError(_STOP_FIRST)
@@ -244,18 +249,18 @@ class StudioServer:
             else:
                 result = await asyncio.wrap_future(self.studio.ask(page, action, request))
         except OmniError as error:
-            await outbox.put(_answer(request, error=str(error), hint=hint_of(error)))
+            outbox.put(_answer(request, error=str(error), hint=hint_of(error)))
             return
         except Exception as error:
             _LOG.exception("%s failed", action)
             words = f"the studio has an error of its own in {action!r}: {type(error).__name__}: {error}"
-            await outbox.put(_answer(request, error=words, hint="its details stand where omni studio was started"))
+            outbox.put(_answer(request, error=words, hint="its details stand where omni studio was started"))
             return
         if isinstance(result, bytes):
             if result:
-                await outbox.put(result)
+                outbox.put(result)
             result = None
-        await outbox.put(_answer(request, result=result))
+        outbox.put(_answer(request, result=result))
 
     # ---- what the server does itself
 
@@ -275,11 +280,19 @@ class StudioServer:
         number = int(number_of(request, "number", 0.0))
         if not 0 <= number <= MOST_NUMBER:
             raise BadRequestError(f"number has to be from 0 to {MOST_NUMBER}, not {number}")
-        return self.studio.show(page, keys_of(request), number_of(request, "span_s", 10.0), number)
+        keys, span_s = keys_of(request), number_of(request, "span_s", 10.0)
+        return await self._drawn(lambda: self.studio.show(page, keys, span_s, number))
 
     async def _window(self, page: Page, request: Mapping[str, Any]) -> bytes:
         width = min(max(int(number_of(request, "width", 1000.0)), 10), 4000)
-        return self.studio.window(page, number_of(request, "begin_s"), number_of(request, "end_s"), width)
+        begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
+        return await self._drawn(lambda: self.studio.window(page, begin_s, end_s, width))
+
+    async def _drawn(self, samples: Callable[[], bytes]) -> bytes:
+        """Compute samples for a plot. Between two such computations, of whatever page, a stop is heard."""
+        async with self._drawing:
+            await asyncio.sleep(0)
+            return samples()
 
     async def _spectrum(self, _page: Page, request: Mapping[str, Any]) -> list[dict[str, Any]]:
         keys = keys_of(request)
