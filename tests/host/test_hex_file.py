@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import struct
 import sys
 from pathlib import Path
@@ -44,7 +45,6 @@ def test_a_whole_program_is_read(tmp_path: Path) -> None:
 
 def test_files_that_are_no_hex_file_at_all(tmp_path: Path) -> None:
     assert "cannot be read" in refusal(tmp_path / "missing.hex")
-    assert "cannot be read" in refusal(tmp_path)
     (tmp_path / "empty.hex").write_text("\n")
     assert "is empty" in refusal(tmp_path / "empty.hex")
     (tmp_path / "firmware.elf").write_bytes(b"\x7fELF\x01\x01\x01\0")
@@ -122,3 +122,10 @@ def test_without_intelhex_its_extra_is_named(tmp_path: Path, monkeypatch: pytest
     with pytest.raises(MissingPackageError) as caught:
         read_hex(write_hex(tmp_path / "a.hex", teensy_program()))
     assert "omniwheel[flash]" in caught.value.hint
+
+
+@pytest.mark.parametrize("name", ["/dev/zero", "pipe", "folder"])
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, name: str) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "folder").mkdir()
+    assert "no file" in refusal(tmp_path / name)

@@ -69,7 +69,7 @@ def _content(path: Path) -> bytes:
     except OSError as error:
         raise HexFileError(f"{path} cannot be read: {error.strerror}", hint="give the path of a .hex file") from error
     if len(content) > _LARGEST_FILE:
-        raise HexFileError(f"{path}: it has more bytes than a Teensy's program can have", hint=_AGAIN)
+        raise HexFileError(f"{path}: its bytes are more than a Teensy's program can have", hint=_AGAIN)
     if not content.strip():
         raise HexFileError(f"{path} is empty", hint=_AGAIN)
     return content
