@@ -6,7 +6,7 @@ from __future__ import annotations
 import select
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from typing import Any
 
 import pytest
@@ -14,8 +14,10 @@ from pymavlink import mavutil
 
 from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
+from omniwheel.errors import LinkOpenError
 from omniwheel.hub import clients
-from omniwheel.hub.server import HubServer
+from omniwheel.hub.server import SLOWEST_REOPEN_S, HubServer
+from omniwheel.hub.shared_link import open_shared
 from omniwheel.link import LinkAddress
 from tests.hub.bench import ARM, Bench, beat, command, set_point
 
@@ -153,6 +155,32 @@ def test_a_flood_of_udp_peers_does_not_fill_the_hub() -> None:
         server.read(set(server.sockets()))
     assert len(bench.hub.clients) == clients.MOST_CLIENTS
     server.close()
+
+
+def test_a_robot_that_another_program_has_is_said_once_and_waited_for() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as robot:
+        robot.setblocking(False)
+        with HubServer(f"tcp:127.0.0.1:{robot.getsockname()[1]}", ["tcp:127.0.0.1:0"]) as server:
+            tries = 0
+            while tries < 8:
+                server._next_open_s = 0.0
+                server.serve(0.01)
+                with suppress(BlockingIOError):
+                    robot.accept()[0].close()
+                    tries += 1
+            assert server._reopen_s == SLOWEST_REOPEN_S
+            assert len(server.hub.events) == 2, list(server.hub.events)  # open, then waiting
+
+
+def test_other_programs_find_the_hub_by_the_address_of_a_robot_in_the_network(robot: str, own_places: None) -> None:
+    with HubServer(robot, ["tcp:127.0.0.1:0"]) as server:
+        with pytest.raises(LinkOpenError, match="another hub"):
+            HubServer(robot, ["tcp:127.0.0.1:0"])
+        serve_until(server, lambda: server.hub.is_open)
+        link = open_shared(robot)
+        serve_until(server, lambda: server.hub.clients)
+        assert "shared" in getattr(link, "notice", "")
+        link.close()
 
 
 def test_a_port_that_is_not_there_is_said_once_and_waited_for() -> None:

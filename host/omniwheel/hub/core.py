@@ -123,17 +123,22 @@ class Hub:
 
     # ---- the port
 
-    def port_opened(self) -> None:
-        """The port is there, for the first time or again."""
+    def port_opened(self, *, quiet: bool = False) -> None:
+        """The port is there, for the first time or again. ``quiet``: nobody is told, it may be gone at once."""
         self.is_open = True
         self._port = self._new_parser()
         self.streams.restart()
         self._own_tries.clear()
         self._own_s = float("-inf")
+        if not quiet:
+            self.say_open()
+
+    def say_open(self) -> None:
+        """Tell everybody that the port is there."""
         self._say(f"{self.settings.name} is open")
         self._tell_all(f"hub: {self.settings.name} is there", _NEWS)
 
-    def port_lost(self) -> None:
+    def port_lost(self, *, quiet: bool = False) -> None:
         """The port has gone. What waited for it is thrown away, and its senders are told."""
         self.is_open = False
         self.command.armed = False
@@ -143,8 +148,9 @@ class Hub:
             self.command.release()
         for frame in self._outbox.clear():
             self._refuse(frame.client, frame.message, _LATER)
-        self._say(f"{self.settings.name} is gone")
-        self._tell_all(f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL)
+        if not quiet:
+            self._say(f"{self.settings.name} is gone")
+            self._tell_all(f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL)
 
     def from_port(self, data: bytes) -> None:
         """Take what came from the robot and hand it to the clients."""

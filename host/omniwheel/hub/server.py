@@ -21,6 +21,10 @@ from omniwheel.signing import Signer
 
 REOPEN_S = 0.2
 """How long between two looks for a port that has gone."""
+AT_ONCE_S = 0.3
+"""A connection that ends within this time without a byte: the robot has another client."""
+SLOWEST_REOPEN_S = 5.0
+"""... between two looks for a robot that ends every connection."""
 HAND_OVER_S = 0.02
 """... and for one that another program is about to let go."""
 WAIT_S = 0.1
@@ -60,6 +64,9 @@ class HubServer:
         self.was_open = False
         self._link: FileLink | None = None
         self._next_open_s = float("-inf")
+        self._opened_s = float("-inf")
+        self._ended_at_once = False
+        self._reopen_s = REOPEN_S
         self._serial_number = ""
         self._waiting_because = ""
         addresses = [listen_address(text) for text in listen]
@@ -75,7 +82,7 @@ class HubServer:
             raise
 
     def _claim_all(self) -> None:
-        if self._address.kind == "serial" and not self._claim.take(self.device):
+        if not self._claim.take(self.device):
             other = places.find(places.HUB, self.device) or {}
             hint = f"connect to {other.get('address', 'it')}, or end it first"
             raise LinkOpenError(f"another hub serves {self.device} (pid {other.get('pid', 'unknown')})", hint=hint)
@@ -150,12 +157,28 @@ class HubServer:
         try:
             if link.fileno() in ready:
                 self.hub.from_port(link.read(0.0))
+                self._heard()
             while select.select([], [link], [], 0.0)[1] and (frame := self.hub.to_port()):
                 link.write(frame)
         except (LinkError, OSError):
             link.close()
             self._link = None
-            self.hub.port_lost()
+            now_s = time.monotonic()
+            self._ended_at_once = self._opened_s > float("-inf") and now_s - self._opened_s < AT_ONCE_S
+            self.hub.port_lost(quiet=self._ended_at_once)
+            if self._ended_at_once:
+                self._reopen_s = min(2.0 * self._reopen_s, SLOWEST_REOPEN_S)
+                self._next_open_s = now_s + self._reopen_s
+                self._say_once(f"waiting: {self._url} ends every connection; does another program have the robot?")
+
+    def _heard(self) -> None:
+        """The robot has said something: this is its port."""
+        self._opened_s = float("-inf")
+        self._reopen_s = REOPEN_S
+        if self._ended_at_once:
+            self._ended_at_once = False
+            self._waiting_because = ""
+            self.hub.say_open()
 
     def _open_if_due(self) -> None:
         now_s = time.monotonic()
@@ -167,13 +190,15 @@ class HubServer:
         except LinkOpenError as error:
             self._say_once(f"waiting: {error}")
             return
-        self._waiting_because = ""
+        if not self._ended_at_once:
+            self._waiting_because = ""
         if self._hand_over_until_s > float("-inf"):
             places.withdraw(self.device)
             self._hand_over_until_s = float("-inf")
         self._claim_again(self._link)
         self.was_open = True
-        self.hub.port_opened()
+        self._opened_s = now_s
+        self.hub.port_opened(quiet=self._ended_at_once)
 
     def _say_once(self, line: str) -> None:
         if line != self._waiting_because:

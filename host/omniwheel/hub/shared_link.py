@@ -43,8 +43,8 @@ def open_shared(url: str, *, timeout_s: float = 5.0) -> Link:
         shares = places.can_share()
     except LinkOpenError as problem:
         return _opened_alone(url, timeout_s, problem)
-    if address.kind == "tcp" and shares and places.find(places.HUB, url):
-        return HubLink(url, url)
+    if address.kind != "serial" and shares and (found := places.find(places.HUB, url)):
+        return HubLink(url, found["address"])
     if address.kind != "serial" or not shares:
         return open_link(url, timeout_s=timeout_s)
     hub = places.find(places.HUB, address.place)
