@@ -275,7 +275,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_.answer(robot_.latest().outputs, links_[link]);
 }
 
-bool App::dispatch_setpoint(const Frame &frame, size_t link) {
+bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
         setpoints_.on_position_target(frame);
@@ -290,12 +290,12 @@ bool App::dispatch_setpoint(const Frame &frame, size_t link) {
         return false;
     }
     if (!setpoints_.refused()) {
-        heartbeats_.commanded(link);
+        heartbeats_.commanded(sender);
     }
     return true;
 }
 
-bool App::dispatch_signs(const Frame &frame, size_t link) {
+bool App::dispatch_signs(const Frame &frame, const Sender &sender) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE:
         pose_fixes_.on_vicon(frame);
@@ -307,10 +307,9 @@ bool App::dispatch_signs(const Frame &frame, size_t link) {
         pose_fixes_.on_compact(frame);
         return true;
     case MAVLINK_MSG_ID_HEARTBEAT:
-        // Other robots on the same radio have an autopilot. They are not who this one listens to.
-        if (frame.as<mavlink_heartbeat_t>().autopilot == MAV_AUTOPILOT_INVALID) {
-            meet(link);
-            heartbeats_.heard(link);
+        if (Heartbeats::is_of_station(frame)) {
+            meet(sender.link);
+            heartbeats_.heard(sender);
         }
         return true;
     default:
@@ -348,8 +347,7 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
         telemetry_.on_request_data_stream(frame, sender);
         break;
     default:
-        if (!dispatch_setpoint(frame, sender.link) && !dispatch_signs(frame, sender.link) &&
-            !burst_log_.take(frame, sender)) {
+        if (!dispatch_setpoint(frame, sender) && !dispatch_signs(frame, sender) && !burst_log_.take(frame, sender)) {
             serve_small_protocols(links_, clock_, frame, sender);
         }
         break;

@@ -91,9 +91,9 @@ private:
     /// Before a heartbeat counts: if it is a newcomer's on a link that was connected long ago, say what is wrong again.
     void meet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
-    bool dispatch_setpoint(const Frame &frame, size_t link);
+    bool dispatch_setpoint(const Frame &frame, const Sender &sender);
     /// Pose fixes and signs of life.
-    bool dispatch_signs(const Frame &frame, size_t link);
+    bool dispatch_signs(const Frame &frame, const Sender &sender);
     void attach_links();
     void take_legacy_line(size_t link);
     void hil_tick(const Frame &frame, size_t link);

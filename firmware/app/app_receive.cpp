@@ -86,10 +86,11 @@ void App::take_frames(size_t link) {
 void App::take_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && legacy_line_.take(&setpoint)) {
-        heartbeats_.heard(link);
+        const Sender sender{link}; // a line names no sender
+        heartbeats_.heard(sender);
         setpoints_.on_legacy_line(setpoint); // its refusal goes to all links: who sends lines reads no MAVLink
         if (!setpoints_.refused()) {
-            heartbeats_.commanded(link);
+            heartbeats_.commanded(sender);
         }
     }
 }

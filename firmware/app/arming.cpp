@@ -15,9 +15,9 @@ bool starting_up(const TickReport &latest) {
 
 } // namespace
 
-uint8_t Arming::command(float wanted, size_t link) {
+uint8_t Arming::command(float wanted, const Sender &sender) {
     if (wanted == 1.0f) {
-        return arm(link);
+        return arm(sender);
     }
     return wanted == 0.0f ? disarm() : static_cast<uint8_t>(MAV_RESULT_DENIED);
 }
@@ -30,7 +30,7 @@ void Arming::warn_of_missing_pin() {
     }
 }
 
-uint8_t Arming::arm(size_t link) {
+uint8_t Arming::arm(const Sender &sender) {
     const uint8_t state = robot_.state();
     if (robot_.reboot()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
@@ -42,7 +42,7 @@ uint8_t Arming::arm(size_t link) {
                                                 // win
     }
     if (state == OMNI_STATE_ARMED) {
-        heartbeats_.commanded(link);
+        heartbeats_.commanded(sender);
         return MAV_RESULT_ACCEPTED;
     }
     if (robot_.misfit() != nullptr) {
@@ -75,12 +75,10 @@ uint8_t Arming::arm(size_t link) {
         texts_.refuse(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
         return MAV_RESULT_DENIED;
     }
-    // Whoever arms is there: the command counts as a heartbeat.
-    heartbeats_.stations.take_command(link);
     if (!signing_.store_for_drive()) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
     }
-    heartbeats_.heard(link);
+    heartbeats_.armed_by(sender);
     if (!control_.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }

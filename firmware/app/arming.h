@@ -29,14 +29,14 @@ public:
         : conditions_(conditions), texts_(texts), robot_(robot), control_(control), heartbeats_(heartbeats),
           button_(button), signing_(signing), trajectories_(trajectories), excitations_(excitations) {}
 
-    /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param link that asks. @return MAV_RESULT
-    uint8_t command(float wanted, size_t link);
+    /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param sender that asks. @return MAV_RESULT
+    uint8_t command(float wanted, const Sender &sender);
     uint8_t estop();
     /// MAV_CMD_OMNI_ESTOP. Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
     uint8_t estop_or_release(float stop);
 
 private:
-    uint8_t arm(size_t link);
+    uint8_t arm(const Sender &sender);
     void warn_of_missing_pin();
     uint8_t disarm();
     uint8_t stop(uint32_t event);

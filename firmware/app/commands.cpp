@@ -69,7 +69,7 @@ void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
     const auto mode = static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode);
     done_[sender.link] = {};
     if (set_mode(mode) == MAV_RESULT_ACCEPTED) {
-        services_.heartbeats.commanded(sender.link);
+        services_.heartbeats.commanded(sender);
     }
 }
 
@@ -106,7 +106,7 @@ uint8_t Commands::run_motion(const Command &command) {
         result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]}, command.receipt);
     }
     if (result == MAV_RESULT_ACCEPTED) {
-        services_.heartbeats.commanded(command.sender.link);
+        services_.heartbeats.commanded(command.sender);
     }
     return result;
 }
@@ -115,7 +115,7 @@ uint8_t Commands::run(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case cmd_arm:
-        return services_.arming.command(p[0], command.sender.link);
+        return services_.arming.command(p[0], command.sender);
     case cmd_do_set_mode:
     case MAV_CMD_OMNI_TRAJECTORY_START:
     case MAV_CMD_OMNI_TRAJECTORY_STOP:
@@ -156,7 +156,7 @@ uint8_t Commands::run_own(const Command &command) {
     case MAV_CMD_OMNI_BURST:
         return services_.burst_log.start(p[0], p[1], p[2], p[3], p[4]);
     case MAV_CMD_OMNI_TRIAL:
-        return services_.trial.command(p[0], command.sender.link);
+        return services_.trial.command(p[0], command.sender);
     default:
         return MAV_RESULT_UNSUPPORTED;
     }

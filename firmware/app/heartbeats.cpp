@@ -1,19 +1,31 @@
 // SPDX-License-Identifier: MIT
 #include "app/heartbeats.h"
 
+#include "app/mavlink_types.h"
+
 namespace omni {
 
-void Heartbeats::heard(size_t link) {
-    stations.hear(link, clock_.now_us);
-    if (stations.counts(link)) {
-        control_.set_heartbeat(stations.heard_us(link));
+bool Heartbeats::is_of_station(const Frame &frame) {
+    const auto message = frame.as<mavlink_heartbeat_t>();
+    return message.type == MAV_TYPE_GCS && message.autopilot == MAV_AUTOPILOT_INVALID;
+}
+
+void Heartbeats::heard(const Sender &sender) {
+    stations.hear(sender, clock_.now_us);
+    if (stations.counts(sender)) {
+        control_.set_heartbeat(stations.heard_us(sender));
     }
 }
 
-void Heartbeats::commanded(size_t link) {
-    if (robot_.armed() && stations.commander() != link && stations.alive(link, clock_.now_us)) {
-        stations.take_command(link);
-        control_.set_heartbeat(stations.heard_us(link));
+void Heartbeats::armed_by(const Sender &sender) {
+    stations.take_command(sender, clock_.now_us);
+    heard(sender);
+}
+
+void Heartbeats::commanded(const Sender &sender) {
+    if (robot_.armed() && !stations.commands(sender) && stations.alive(sender, clock_.now_us)) {
+        stations.take_command(sender, clock_.now_us);
+        control_.set_heartbeat(stations.heard_us(sender));
     }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file heartbeats.h  Who has the command, and which signs of life keep the robot going: they are passed on to the
-/// tick.
+/// @file heartbeats.h  Which station is in command, and which heartbeats keep the robot going: they are passed on to
+/// the tick.
 #pragma once
 
 #include <cstddef>
@@ -17,11 +17,15 @@ public:
     Heartbeats(const RobotClock &clock, const RobotState &robot, ControlLoop &control)
         : clock_(clock), robot_(robot), control_(control) {}
 
-    /// A ground station gave a sign of life on this link.
-    void heard(size_t link);
-    /// A set-point or motion command of this link was accepted: it has the command from now on if its ground station is
-    /// alive.
-    void commanded(size_t link);
+    /// A HEARTBEAT came. Only those of ground stations count (MAV_TYPE_GCS): a camera, a companion computer or another
+    /// robot watches nothing.
+    static bool is_of_station(const Frame &frame);
+    /// A ground station gave a sign of life.
+    void heard(const Sender &sender);
+    /// An arm command was accepted: its sender is in command, and the command counts as a heartbeat.
+    void armed_by(const Sender &sender);
+    /// A set-point or motion command was accepted: its sender is in command from now on if its heartbeats come, too.
+    void commanded(const Sender &sender);
 
     Stations stations;
 

@@ -15,6 +15,10 @@ struct Sender {
     size_t link = 0;
     uint8_t system = 0;
     uint8_t component = 0;
+
+    bool operator==(const Sender &other) const {
+        return link == other.link && system == other.system && component == other.component;
+    }
 };
 
 class Links {

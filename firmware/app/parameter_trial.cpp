@@ -10,28 +10,28 @@ uint8_t ParameterTrial::refuse(const char *why) {
     return MAV_RESULT_DENIED;
 }
 
-uint8_t ParameterTrial::begin(size_t link) {
+uint8_t ParameterTrial::begin(const Sender &sender) {
     if (robot_.armed()) {
         return robot_.refuse_armed("trial refused");
     }
     if (on_) {
-        return refuse(link == link_ ? "end the one that goes on" : "another link tries parameters");
+        return refuse(sender.link == station_.link ? "end the one that goes on" : "another link tries parameters");
     }
-    if (!heartbeats_.stations.alive(link, clock_.now_us)) {
-        return refuse("no heartbeats on this link");
+    if (!heartbeats_.stations.alive(sender, clock_.now_us)) {
+        return refuse("no heartbeats of this station");
     }
     std::memcpy(before_, parameters_.values(), sizeof before_);
-    link_ = link;
-    session_ = board_.ports[link]->session();
+    station_ = sender;
+    session_ = board_.ports[sender.link]->session();
     on_ = true;
     return MAV_RESULT_ACCEPTED;
 }
 
-uint8_t ParameterTrial::command(float action, size_t link) {
-    const bool own = on_ && link == link_;
+uint8_t ParameterTrial::command(float action, const Sender &sender) {
+    const bool own = on_ && sender.link == station_.link;
     const bool goes_on = own && !over_;
     if (action == 1.0f) {
-        return begin(link);
+        return begin(sender);
     }
     if (action == 2.0f && (own || !on_)) {
         over_ = on_;
@@ -49,7 +49,8 @@ uint8_t ParameterTrial::command(float action, size_t link) {
 }
 
 void ParameterTrial::serve() {
-    if (on_ && (!heartbeats_.stations.alive(link_, clock_.now_us) || board_.ports[link_]->session() != session_)) {
+    if (on_ &&
+        (!heartbeats_.stations.alive(station_, clock_.now_us) || board_.ports[station_.link]->session() != session_)) {
         over_ = true;
     }
     const bool may_drive = robot_.armed() && robot_.state() != OMNI_STATE_FAILSAFE;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "app/heartbeats.h"
+#include "app/links.h"
 #include "app/parameters.h"
 
 namespace omni {
@@ -19,7 +20,7 @@ public:
 
     /// MAV_CMD_OMNI_TRIAL. @param action 0 end, keep what is in use; 1 begin; 2 end, back to what was in use; 3 does it
     /// go on? Only the link that began a trial can end it. @return MAV_RESULT
-    uint8_t command(float action, size_t link);
+    uint8_t command(float action, const Sender &sender);
     /// Once per pass of the background.
     void serve();
 
@@ -27,7 +28,7 @@ public:
 
 private:
     uint8_t refuse(const char *why);
-    uint8_t begin(size_t link);
+    uint8_t begin(const Sender &sender);
 
     const Board &board_;
     Texts &texts_;
@@ -36,7 +37,7 @@ private:
     const Heartbeats &heartbeats_;
     Parameters &parameters_;
     omni_real_t before_[OMNI_PARAM_COUNT] = {};
-    size_t link_ = 0;
+    Sender station_; ///< that began it
     uint32_t session_ = 0;
     bool on_ = false;
     bool over_ = false; ///< the values from before come back as soon as the motors are off

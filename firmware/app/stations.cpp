@@ -6,18 +6,68 @@
 namespace omni {
 
 void Stations::restart() {
-    std::fill(heard_us_, heard_us_ + Board::max_ports, uint64_t{0});
+    std::fill(stations_, stations_ + most, Station{});
     std::fill(lost_, lost_ + Board::max_ports, false);
-    commander_ = nobody;
+    commander_ = most;
 }
 
-bool Stations::alive(size_t link, uint64_t now_us) const {
-    const uint64_t heard_us = heard_us_[link];
+size_t Stations::find(const Sender &sender) const {
+    size_t i = 0;
+    while (i < most && !(stations_[i].used && stations_[i].who == sender)) {
+        ++i;
+    }
+    return i;
+}
+
+/// Never that of the station in command.
+size_t Stations::free_place() const {
+    size_t place = most;
+    for (size_t i = 0; i < most; ++i) {
+        const bool older = place == most || stations_[i].seen_us < stations_[place].seen_us;
+        if (!stations_[i].used) {
+            return i;
+        }
+        place = i != commander_ && older ? i : place;
+    }
+    return place;
+}
+
+size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
+    size_t i = find(sender);
+    if (i == most) {
+        i = free_place();
+        stations_[i] = Station{};
+        stations_[i].who = sender;
+        stations_[i].used = true;
+    }
+    stations_[i].seen_us = now_us;
+    return i;
+}
+
+void Stations::hear(const Sender &sender, uint64_t now_us) {
+    stations_[find_or_add(sender, now_us)].heard_us = now_us > 0 ? now_us : 1;
+}
+
+uint64_t Stations::heard_us(const Sender &sender) const {
+    const size_t i = find(sender);
+    return i < most ? stations_[i].heard_us : 0;
+}
+
+uint64_t Stations::heard_us(size_t link) const {
+    uint64_t latest_us = 0;
+    for (const Station &station : stations_) {
+        latest_us = station.used && station.who.link == link ? std::max(latest_us, station.heard_us) : latest_us;
+    }
+    return latest_us;
+}
+
+bool Stations::is_recent(uint64_t heard_us, uint64_t now_us) const {
     return heard_us != 0 && (now_us < heard_us || now_us - heard_us <= timeout_us_);
 }
 
 Stations::Change Stations::watch(size_t link, uint64_t now_us) {
-    const bool lost = heard_us_[link] != 0 && !alive(link, now_us);
+    const uint64_t heard = commander() == link ? stations_[commander_].heard_us : heard_us(link);
+    const bool lost = heard != 0 && !is_recent(heard, now_us);
     if (lost == lost_[link]) {
         return Change::none;
     }

@@ -1,45 +1,64 @@
 // SPDX-License-Identifier: MIT
-/// @file stations.h  Whose robot it is: signs of life of the ground stations per link, and which link has the command.
+/// @file stations.h  Ground stations: their heartbeats, and which one is in command.
 ///
-/// The link that armed the robot has the command. It goes to another link whose ground station is alive, too, with the
-/// first accepted set-point or motion command from there. Only heartbeats on the link in command keep an armed robot
-/// going; while it is not armed any link's do.
+/// A station is a component on a link. The one that armed the robot is in command. Another one whose heartbeats come,
+/// too, takes the command over with its first accepted setpoint or motion command. Only heartbeats of the station in
+/// command keep an armed robot going; while it is not armed, any station's do.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/links.h"
 
 namespace omni {
 
 class Stations {
 public:
     static constexpr size_t nobody = Board::max_ports;
+    /// Stations that are known at a time. A new one replaces the one that has been silent for longest.
+    static constexpr size_t most = 8;
 
     /// Forget everything: the clock starts over.
     void restart();
     /// @param timeout_us silence after which a ground station counts as lost (SAFE_LINK_TO).
     void set_timeout(uint64_t timeout_us) { timeout_us_ = timeout_us; }
-    void hear(size_t link, uint64_t now_us) { heard_us_[link] = now_us > 0 ? now_us : 1; }
-    /// Latest heartbeat on this link; 0: none.
-    uint64_t heard_us(size_t link) const { return heard_us_[link]; }
-    bool alive(size_t link, uint64_t now_us) const;
-    /// Heartbeats on this link keep the robot going.
-    bool counts(size_t link) const { return commander_ == nobody || commander_ == link; }
-    size_t commander() const { return commander_; }
-    void take_command(size_t link) { commander_ = link; }
-    void release() { commander_ = nobody; }
+    void hear(const Sender &sender, uint64_t now_us);
+    /// Latest heartbeat of this station; 0: none.
+    uint64_t heard_us(const Sender &sender) const;
+    /// Latest heartbeat of any station on this link; 0: none.
+    uint64_t heard_us(size_t link) const;
+    bool alive(const Sender &sender, uint64_t now_us) const { return is_recent(heard_us(sender), now_us); }
+    /// Heartbeats of this station keep the robot going.
+    bool counts(const Sender &sender) const { return commander_ == most || find(sender) == commander_; }
+    bool commands(const Sender &sender) const { return commander_ != most && find(sender) == commander_; }
+    /// Link of the station in command, or `nobody`.
+    size_t commander() const { return commander_ == most ? nobody : stations_[commander_].who.link; }
+    void take_command(const Sender &sender, uint64_t now_us) { commander_ = find_or_add(sender, now_us); }
+    void release() { commander_ = most; }
 
     enum class Change : uint8_t { none, lost, back };
-    /// Once per pass and link while armed. @return what there is to say about it.
+    /// Once per pass and link while armed. @return what there is to say about it. Of the link in command it is the
+    /// station in command that counts.
     Change watch(size_t link, uint64_t now_us);
 
 private:
-    uint64_t heard_us_[Board::max_ports] = {};
+    struct Station {
+        Sender who;
+        uint64_t heard_us = 0; ///< its latest heartbeat; 0: none
+        uint64_t seen_us = 0;  ///< its latest message of those that are looked at here
+        bool used = false;
+    };
+    bool is_recent(uint64_t heard_us, uint64_t now_us) const;
+    /// @return its index, or `most`.
+    size_t find(const Sender &sender) const;
+    size_t find_or_add(const Sender &sender, uint64_t now_us);
+    size_t free_place() const;
+
+    Station stations_[most];
     bool lost_[Board::max_ports] = {};
     uint64_t timeout_us_ = 0;
-    size_t commander_ = nobody;
+    size_t commander_ = most;
 };
 
 } // namespace omni

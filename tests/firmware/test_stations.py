@@ -168,3 +168,70 @@ def test_only_a_clear_release_releases_the_emergency_stop(robot: Client, value: 
     assert robot.tick().actuators.state == ESTOP
     assert robot.command(mav.MAV_CMD_OMNI_ESTOP, value) == mav.MAV_RESULT_ACCEPTED
     assert robot.tick().actuators.state == ESTOP
+
+
+OTHER_COMPONENTS = ("CAMERA", "GIMBAL", "BATTERY", "ONBOARD_CONTROLLER", "GENERIC", "ADSB")
+
+
+@pytest.mark.parametrize("name", OTHER_COMPONENTS)
+def test_a_component_that_is_no_ground_station_keeps_no_trajectory_going(robot: Client, name: str) -> None:
+    robot.set("SAFE_LINK_TO", 0.5)
+    robot.armed()
+    assert robot.command(mav.MAV_CMD_OMNI_TRAJECTORY_START, -1, -1, 0) == mav.MAV_RESULT_ACCEPTED
+    kind = getattr(mav, f"MAV_TYPE_{name}")
+    state = ARMED
+    for _ in range(8):
+        robot.mav.heartbeat_send(kind, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+        state = robot.ticks(100)[-1].actuators.state
+    assert state == FAILSAFE
+
+
+def test_an_onlooker_on_the_link_in_command_keeps_nothing_going(robot: Client) -> None:
+    """Two stations share a radio: the one that commands falls silent."""
+    robot.set("SAFE_LINK_TO", 0.5)
+    robot.armed()
+    onlooker = mav.MAVLink(robot, srcSystem=254, srcComponent=190)
+    texts = []
+    state = ARMED
+    for _ in range(8):
+        onlooker.heartbeat_send(mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+        ticks = robot.ticks(100)
+        texts += [m.text for t in ticks for m in t.others if m.get_type() == "STATUSTEXT"]
+        state = ticks[-1].actuators.state
+    assert state == FAILSAFE
+    assert "link 1 lost: it had the command" in texts
+
+
+def test_a_set_point_on_a_shared_link_hands_the_command_over_to_its_own_sender(robot: Client) -> None:
+    robot.set("SAFE_LINK_TO", 0.5)
+    robot.armed()
+    other = Client(robot.socket)
+    other.mav.srcSystem = 254
+    other.heartbeat()
+    send_velocity(other, 0.0, 0.0, 0.0)
+    assert other.command(mav.MAV_CMD_OMNI_TRAJECTORY_STOP) == mav.MAV_RESULT_ACCEPTED
+    state = ARMED
+    for _ in range(8):
+        other.heartbeat()
+        state = robot.ticks(100)[-1].actuators.state
+    assert state == ARMED
+    for _ in range(8):
+        robot.heartbeat()
+        state = robot.ticks(100)[-1].actuators.state
+    assert state == FAILSAFE
+
+
+def test_a_flood_of_stations_does_not_displace_the_one_in_command(robot: Client) -> None:
+    robot.set("SAFE_LINK_TO", 0.5)
+    robot.armed()
+    for _ in range(4):
+        robot.heartbeat()
+        for system in range(200, 250):
+            mav.MAVLink(robot, srcSystem=system).heartbeat_send(mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+        assert robot.ticks(200)[-1].actuators.state == ARMED
+    state = ARMED
+    for _ in range(4):
+        for system in range(200, 250):
+            mav.MAVLink(robot, srcSystem=system).heartbeat_send(mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+        state = robot.ticks(200)[-1].actuators.state
+    assert state == FAILSAFE

@@ -108,7 +108,7 @@ def test_nothing_on_trial_is_stored(two: TwoLinks) -> None:
 
 def test_a_trial_needs_a_robot_at_rest_and_a_station_that_is_heard(robot: Client) -> None:
     assert robot.command(TRIAL, BEGIN) == DENIED
-    assert robot.wait("STATUSTEXT").text == "trial refused: no heartbeats on this link"
+    assert robot.wait("STATUSTEXT").text == "trial refused: no heartbeats of this station"
     robot.armed()
     assert robot.command(TRIAL, BEGIN) == DENIED
     assert robot.command(TRIAL, KEEP) == DENIED  # nobody shall think that something was kept

@@ -208,6 +208,32 @@ def test_a_disarmed_robot_hears_one_heartbeat_a_second_of_all() -> None:
     assert 9 <= bench.names().count("HEARTBEAT") <= 12
 
 
+def test_each_station_behind_a_hub_is_heard_while_nobody_commands() -> None:
+    bench = Bench()
+    stations = [bench.join("one"), bench.join("two", system=254)]
+    bench.robot_is(armed=False)
+    for _ in range(10):
+        for station in stations:
+            station.send(beat())
+        bench.run(1.0, 0.1)
+    systems = [message.get_srcSystem() for _, message in bench.sent if message.get_type() == "HEARTBEAT"]
+    assert sorted(set(systems)) == [254, 255]
+    assert systems.count(254) == systems.count(255)
+
+
+def test_heartbeats_of_other_components_take_the_place_of_no_stations_heartbeat() -> None:
+    bench = Bench()
+    station, camera = bench.join("station"), bench.join("camera", system=42)
+    bench.robot_is(armed=False)
+    for _ in range(100):
+        camera.send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 4, 3))
+        station.send(beat())
+        bench.run(0.1)
+    kinds = [message.type for _, message in bench.sent if message.get_type() == "HEARTBEAT"]
+    assert kinds
+    assert set(kinds) == {mavlink.MAV_TYPE_GCS}
+
+
 def test_the_hub_never_repeats_a_set_point() -> None:
     bench, first, _ = driven()
     first.send(set_point())

@@ -12,15 +12,26 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, Message, mavlink, take_bytes
+from omniwheel.dialect import TRIAL_BACK, Message, mavlink, take_bytes
 from omniwheel.hub import wire
 from omniwheel.hub.client import HUB_COMPONENT, Client
 from omniwheel.hub.in_command import InCommand
 from omniwheel.hub.outbox import Outbox, Waiting
 from omniwheel.hub.parameter_requests import ParameterRequests
 from omniwheel.hub.pending import Pending, Question
-from omniwheel.hub.rules import HANDED_OVER, HELLO, Kind, is_command, is_disarm, kind_of, receipt_of, target_of
+from omniwheel.hub.rules import (
+    HANDED_OVER,
+    HELLO,
+    Kind,
+    is_command,
+    is_disarm,
+    kind_of,
+    receipt_of,
+    source_of,
+    target_of,
+)
 from omniwheel.hub.streams import Streams
+from omniwheel.hub.trials import Trials
 from omniwheel.signing import Signer
 
 HUB_SYSTEM = 255
@@ -29,7 +40,7 @@ NAME_CHARACTERS = 25
 NOBODY = -1
 """The hub itself, where a client's number is asked for."""
 HEARTBEAT_S = 0.9
-"""While nobody commands, the robot hears one heartbeat in this time, whoever sends it."""
+"""While nobody commands, the robot hears one heartbeat of a station in this time, whichever client sends it."""
 ROBOT_SILENCE_S = 10.0
 """A robot that is silent for so long may be another one from then on."""
 RESTART_MS = 1000
@@ -39,7 +50,7 @@ OWN_TRIES = 10
 _ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 _CRITICAL, _WARNING, _NEWS = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_INFO
-_NEWEST_COUNTS = (Kind.SETPOINT, Kind.FIX, Kind.HEARTBEAT)
+_NEWEST_COUNTS = (Kind.SETPOINT, Kind.FIX)
 _MOVES = (Kind.MOVE, Kind.SETPOINT)
 
 
@@ -82,11 +93,9 @@ class Hub:
         self._new_ids: set[int] = set()
         self._boot_ms = 0
         self._sequence = 0
-        self._beaten_s = float("-inf")
+        self._beaten_s: dict[tuple[int, int], float] = {}
         self._handed_over: int | None = None
-        self._trying: int | None = None
-        """The client whose trial goes on; NOBODY: it is gone, and the robot has not acknowledged the end yet."""
-        self._trial_end_s = float("-inf")
+        self._trials = Trials(clock, self._end_trial, NOBODY)
         self._next = 1
 
     # ---- clients
@@ -108,9 +117,7 @@ class Hub:
         self.streams.leave(number)
         self._own_s = float("-inf")
         self._say(f"{client.name} has gone")
-        if self._trying == number:
-            self._trying = NOBODY
-            self._end_trial()
+        self._trials.leave(number)
         if self.command.leave(number):
             self._released(client, "has gone")
 
@@ -275,10 +282,15 @@ class Hub:
         self._refuse(client.number, message, _DENIED)
 
     def _beat(self, client: Client, message: Message) -> None:
+        """Pass on a station's heartbeat if it keeps the robot going; those of other components do nothing there."""
+        if message.type != mavlink.MAV_TYPE_GCS:
+            return
         now_s = self._clock()
         alone = client.number == self.command.holder
-        if self.command.hears_heartbeat_of(client.number) and (alone or now_s - self._beaten_s >= HEARTBEAT_S):
-            self._beaten_s = now_s
+        station = source_of(message)
+        due = now_s - self._beaten_s.get(station, float("-inf")) >= HEARTBEAT_S
+        if self.command.hears_heartbeat_of(client.number) and (alone or due):
+            self._beaten_s[station] = now_s
             self._ask(client, message, Kind.HEARTBEAT)
 
     def _interval(self, client: Client, message: Message) -> None:
@@ -323,6 +335,8 @@ class Hub:
         slot: object = None
         if kind is Kind.STOP:
             slot = message.command
+        elif kind is Kind.HEARTBEAT:
+            slot = (kind, source_of(message))
         elif kind in _NEWEST_COUNTS:
             slot = message.get_type()
         elif is_command(message) and receipt_of(message):
@@ -334,7 +348,7 @@ class Hub:
     # ---- from the robot
 
     def _watch(self, message: Message) -> None:
-        source = (message.get_srcSystem(), message.get_srcComponent())
+        source = source_of(message)
         name = message.get_type()
         if name == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
             self._watch_heartbeat(source, bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
@@ -377,7 +391,7 @@ class Hub:
             question, others = self._pending.answered(message)
             if question is not None:
                 self._interval_answered(question, message)
-                self._trial_answered(question, message)
+                self._trials.answered(question, message)
                 if question.client == NOBODY:
                     return
         plain, raw = wire.unsigned(message), bytes(message.get_msgbuf())
@@ -414,12 +428,10 @@ class Hub:
         if self.is_open and now_s - self._own_s >= OWN_TRY_S:
             self._own_s = now_s
             self._ask_for_streams()
-        if self.is_open and self._trying == NOBODY and now_s - self._trial_end_s >= OWN_TRY_S:
-            self._end_trial()
+        if self.is_open:
+            self._trials.serve()
 
     def _end_trial(self) -> None:
-        """Take back what a client that is gone has tried; said again until the robot acknowledges it."""
-        self._trial_end_s = self._clock()
         self._send_own(mavlink.MAV_CMD_OMNI_TRIAL, (TRIAL_BACK,), Kind.OTHER)
 
     def _ask_for_streams(self) -> None:
@@ -431,31 +443,17 @@ class Hub:
             self._send_own(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (number, interval_us), Kind.INTERVAL)
 
     def _may_try(self, client: Client, message: Message) -> bool:
-        """Remember who tries parameters: if this client goes, the others' heartbeats hide that from the robot.
-
-        To the robot all clients are one link, so the trial of one is kept from the others here.
-        """
+        """Return whether a request may go to the robot: the trial of one client is kept from the others."""
         if not is_command(message) or message.command != mavlink.MAV_CMD_OMNI_TRIAL:
             return True
-        if self._trying == NOBODY:
+        if self._trials.may_try(client.number, message.param1):
+            return True
+        if self._trials.ends:
             self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
-            self._refuse(client.number, message, _LATER)
-            return False
-        if self._trying not in (None, client.number):
-            self._tell(client, f"hub: {self.clients[self._trying].name} tries parameters", _WARNING)
-            self._refuse(client.number, message, _DENIED)
-            return False
-        if message.param1 == TRIAL_BEGIN:
-            self._trying = client.number
-        return True
-
-    def _trial_answered(self, question: Question, ack: Message) -> None:
-        """A trial ends when the robot says so: by its acknowledgement of the end, or because it refuses the rest."""
-        if question.command != mavlink.MAV_CMD_OMNI_TRIAL or question.client != self._trying:
-            return
-        ended = ack.result == _ACCEPTED and question.action in (TRIAL_KEEP, TRIAL_BACK)
-        if ended or ack.result not in (_ACCEPTED, _LATER, mavlink.MAV_RESULT_IN_PROGRESS):
-            self._trying = None
+        elif self._trials.client is not None:
+            self._tell(client, f"hub: {self.clients[self._trials.client].name} tries parameters", _WARNING)
+        self._refuse(client.number, message, _LATER if self._trials.ends else _DENIED)
+        return False
 
     def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
         """Send a command of the hub itself; its answer is for no client."""

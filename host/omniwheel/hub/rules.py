@@ -135,6 +135,11 @@ def target_of(message: Message) -> Target:
     return Target(int(getattr(message, "target_system", 0)), int(getattr(message, "target_component", 0)))
 
 
+def source_of(message: Message) -> tuple[int, int]:
+    """Return the system and component that sent a message."""
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
 def receipt_of(message: Message) -> int:
     """Return the receipt of a numbered command (docs/reference/protocol.md, Commands); 0 for one without a number."""
     values = [message.param1, message.param2, message.param3, message.param4]
