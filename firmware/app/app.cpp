@@ -276,6 +276,10 @@ void App::hil_tick(const Frame &frame, size_t link) {
 }
 
 bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
+    if (Setpoints::is_setpoint(frame) && !heartbeats_.stations.may_stream(sender, clock_.now_us)) {
+        setpoints_.refuse_ended();
+        return true;
+    }
     switch (frame.id) {
     case MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
         setpoints_.on_position_target(frame);
@@ -290,7 +294,7 @@ bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
         return false;
     }
     if (!setpoints_.refused()) {
-        heartbeats_.commanded(sender);
+        heartbeats_.streamed(sender);
     }
     return true;
 }

@@ -96,6 +96,7 @@ private:
     bool dispatch_signs(const Frame &frame, const Sender &sender);
     void attach_links();
     void take_legacy_line(size_t link);
+    void take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender);
     void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();

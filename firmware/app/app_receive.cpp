@@ -7,7 +7,6 @@
 namespace omni {
 namespace {
 
-constexpr uint64_t away_us = 10'000'000;    ///< a ground station that is silent for longer may be another one
 constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or network sends a heartbeat before
 
 } // namespace
@@ -34,7 +33,7 @@ OMNI_COLD void App::meet(size_t link) {
     const auto is_past = [now_us](uint64_t since_us, uint64_t us) {
         return now_us > since_us && now_us - since_us > us;
     };
-    if ((heard_us == 0 || is_past(heard_us, away_us)) && is_past(greeted_us_[link], greeting_us)) {
+    if ((heard_us == 0 || is_past(heard_us, Stations::away_us)) && is_past(greeted_us_[link], greeting_us)) {
         restart_said_[link] = false;
         tell_newcomer(link);
     }
@@ -82,16 +81,25 @@ void App::take_frames(size_t link) {
     take_legacy_line(link);
 }
 
+/// Refusals go to all links: who sends lines reads no MAVLink.
+void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
+    if (!heartbeats_.stations.may_stream(sender, clock_.now_us)) {
+        setpoints_.refuse_ended();
+        return;
+    }
+    setpoints_.on_legacy_line(setpoint);
+    if (!setpoints_.refused()) {
+        heartbeats_.streamed(sender);
+    }
+}
+
 /// The original robot's host sends nothing but lines: each is a sign of life too. None arms.
 void App::take_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && legacy_line_.take(&setpoint)) {
         const Sender sender{link}; // a line names no sender
+        take_legacy_setpoint(setpoint, sender);
         heartbeats_.heard(sender);
-        setpoints_.on_legacy_line(setpoint); // its refusal goes to all links: who sends lines reads no MAVLink
-        if (!setpoints_.refused()) {
-            heartbeats_.commanded(sender);
-        }
     }
 }
 

@@ -39,6 +39,10 @@ int32_t receipt_of(const Message &message, bool numbered) {
     return receipt;
 }
 
+bool is_hold(float mode) {
+    return mode == static_cast<float>(OMNI_MODE_HOLD);
+}
+
 uint8_t queued_result(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
 }
@@ -68,8 +72,8 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
 void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
     const auto mode = static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode);
     done_[sender.link] = {};
-    if (set_mode(mode) == MAV_RESULT_ACCEPTED) {
-        services_.heartbeats.commanded(sender);
+    if (set_mode(mode, sender) == MAV_RESULT_ACCEPTED) {
+        note_motion(is_hold(mode), sender);
     }
 }
 
@@ -92,21 +96,34 @@ void Commands::handle(const Command &command) {
     links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack, command.stops ? Priority::stop : Priority::reply);
 }
 
+/// @param holds the pose, or ends an excitation: no drive begins.
+void Commands::note_motion(bool holds, const Sender &sender) {
+    if (holds) {
+        services_.heartbeats.held(sender);
+    } else {
+        services_.heartbeats.commanded(sender);
+    }
+}
+
 /// Commands that say where to go.
 uint8_t Commands::run_motion(const Command &command) {
     const float *p = command.param;
     uint8_t result = MAV_RESULT_UNSUPPORTED;
+    bool holds = false;
     if (command.id == cmd_do_set_mode) {
-        result = set_mode(p[1]);
+        result = set_mode(p[1], command.sender);
+        holds = is_hold(p[1]);
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_START) {
-        result = services_.trajectories.start(p[0], p[1], p[2]);
+        result = services_.trajectories.start(p[0], p[1], p[2], command.sender);
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_STOP) {
         result = services_.trajectories.stop();
+        holds = true;
     } else if (command.id == MAV_CMD_OMNI_EXCITE) {
         result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]}, command.receipt);
+        holds = p[0] == static_cast<float>(OMNI_EXCITATION_NONE);
     }
     if (result == MAV_RESULT_ACCEPTED) {
-        services_.heartbeats.commanded(command.sender);
+        note_motion(holds, command.sender);
     }
     return result;
 }
@@ -178,12 +195,12 @@ uint8_t Commands::storage(float action) {
     return services_.parameters.storage_command(action);
 }
 
-uint8_t Commands::set_mode(float mode) {
-    if (mode == static_cast<float>(OMNI_MODE_HOLD)) {
+uint8_t Commands::set_mode(float mode, const Sender &sender) {
+    if (is_hold(mode)) {
         return services_.trajectories.stop();
     }
     if (mode == static_cast<float>(OMNI_MODE_TRAJECTORY)) {
-        return services_.trajectories.start(-1.0f, -1.0f, 0.0f);
+        return services_.trajectories.start(-1.0f, -1.0f, 0.0f, sender);
     }
     texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode follows the set-points: hold 0, trajectory 3"));
     return MAV_RESULT_DENIED;

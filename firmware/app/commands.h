@@ -68,7 +68,8 @@ private:
     uint8_t run_own(const Command &command);
     uint8_t run_motion(const Command &command);
     uint8_t hil_command(float enable, size_t link);
-    uint8_t set_mode(float mode);
+    uint8_t set_mode(float mode, const Sender &sender);
+    void note_motion(bool holds, const Sender &sender);
     uint8_t storage(float action);
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);

@@ -18,11 +18,29 @@ void Heartbeats::heard(const Sender &sender) {
 }
 
 void Heartbeats::armed_by(const Sender &sender) {
+    stations.begin_drive(sender);
     stations.take_command(sender, clock_.now_us);
     heard(sender);
 }
 
+void Heartbeats::streamed(const Sender &sender) {
+    if (robot_.state() == OMNI_STATE_ARMED) {
+        stations.drove(sender, clock_.now_us);
+    }
+    take_command(sender);
+}
+
 void Heartbeats::commanded(const Sender &sender) {
+    stations.begin_drive(sender);
+    take_command(sender);
+}
+
+void Heartbeats::held(const Sender &sender) {
+    stations.end_drives_but(sender);
+    take_command(sender);
+}
+
+void Heartbeats::take_command(const Sender &sender) {
     if (robot_.armed() && !stations.commands(sender) && stations.alive(sender, clock_.now_us)) {
         stations.take_command(sender, clock_.now_us);
         control_.set_heartbeat(stations.heard_us(sender));

@@ -24,12 +24,18 @@ public:
     void heard(const Sender &sender);
     /// An arm command was accepted: its sender is in command, and the command counts as a heartbeat.
     void armed_by(const Sender &sender);
-    /// A set-point or motion command was accepted: its sender is in command from now on if its heartbeats come, too.
+    /// A set-point was accepted: its sender is in command from now on if its heartbeats come, too.
+    void streamed(const Sender &sender);
+    /// The same of an arm or start command; it begins a drive.
     void commanded(const Sender &sender);
+    /// The same of a hold. It ends the drives of all others, and begins none.
+    void held(const Sender &sender);
 
     Stations stations;
 
 private:
+    void take_command(const Sender &sender);
+
     const RobotClock &clock_;
     const RobotState &robot_;
     ControlLoop &control_;

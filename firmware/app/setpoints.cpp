@@ -41,6 +41,17 @@ void Setpoints::refuse(const char *why) {
     texts_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
 }
 
+bool Setpoints::is_setpoint(const Frame &frame) {
+    return frame.id == MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED || frame.id == MAVLINK_MSG_ID_MANUAL_CONTROL ||
+           frame.id == MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY;
+}
+
+void Setpoints::refuse_ended() {
+    if (robot_.armed()) {
+        texts_.refuse_streamed(said_us_, Text().add("set-point refused: its drive has ended"));
+    }
+}
+
 const char *Setpoints::check_twist(const omni_twist_t &twist) const {
     const omni_limits_t &limits = parameters_.config().limits;
     if (!omni_twist_is_finite(&twist)) {

@@ -18,6 +18,10 @@ public:
               const Parameters &parameters)
         : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters) {}
 
+    static bool is_setpoint(const Frame &frame);
+    /// One of a drive that has ended: not used. It is said while the robot is armed, and not shown to others as a
+    /// refused set-point of theirs.
+    void refuse_ended();
     void on_position_target(const Frame &frame);
     void on_manual_control(const Frame &frame);
     void on_duty(const Frame &frame);

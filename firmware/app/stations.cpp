@@ -44,6 +44,46 @@ size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
     return i;
 }
 
+void Stations::take_command(const Sender &sender, uint64_t now_us) {
+    commander_ = find_or_add(sender, now_us);
+    end_drives_but(sender);
+}
+
+void Stations::release() {
+    commander_ = most;
+    for (Station &station : stations_) {
+        station.ended = station.ended || station.drove;
+        station.drove = false;
+    }
+}
+
+bool Stations::may_stream(const Sender &sender, uint64_t now_us) {
+    const size_t i = find(sender);
+    if (i == most) {
+        return true;
+    }
+    Station &station = stations_[i];
+    station.ended = station.ended && now_us - station.seen_us <= away_us;
+    station.seen_us = now_us;
+    return !station.ended;
+}
+
+void Stations::begin_drive(const Sender &sender) {
+    const size_t i = find(sender);
+    if (i < most) {
+        stations_[i].ended = false;
+    }
+}
+
+void Stations::end_drives_but(const Sender &sender) {
+    for (Station &station : stations_) {
+        if (station.drove && !(station.who == sender)) {
+            station.ended = true;
+            station.drove = false;
+        }
+    }
+}
+
 void Stations::hear(const Sender &sender, uint64_t now_us) {
     stations_[find_or_add(sender, now_us)].heard_us = now_us > 0 ? now_us : 1;
 }

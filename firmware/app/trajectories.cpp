@@ -72,7 +72,7 @@ void Trajectories::say_slowed(const omni_trajectory_t &path) {
     texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
-uint8_t Trajectories::start(float type, float laps, float period_s) {
+uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
     type_ = type;
     laps_ = laps;
     period_s_ = period_s;
@@ -80,6 +80,7 @@ uint8_t Trajectories::start(float type, float laps, float period_s) {
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
     }
+    asker_ = sender;
     waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
     if (!waiting_) {
         control_.plans.publish();
@@ -117,8 +118,12 @@ uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
     return MAV_RESULT_ACCEPTED;
 }
 
-void Trajectories::on_arm() {
-    if (waiting_ && plan() == MAV_RESULT_ACCEPTED) {
+void Trajectories::on_arm(const Sender &sender) {
+    const bool own = asker_ == sender;
+    if (waiting_ && !own) {
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("path not started: another station armed"));
+    }
+    if (waiting_ && own && plan() == MAV_RESULT_ACCEPTED) {
         control_.plans.publish();
     }
     waiting_ = false;

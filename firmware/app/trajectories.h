@@ -13,13 +13,14 @@ public:
         : texts_(texts), robot_(robot), control_(control), parameters_(parameters) {}
 
     /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1, @param period_s or 0: the
-    /// parameter's. @return MAV_RESULT
-    uint8_t start(float type, float laps, float period_s);
+    /// parameter's. @param sender that asks. @return MAV_RESULT
+    uint8_t start(float type, float laps, float period_s, const Sender &sender);
     uint8_t stop();
     /// MAV_CMD_OMNI_WAYPOINT
     uint8_t set_waypoint(float number, const omni_pose_t &pose);
-    /// Arming: a path asked for while disarmed is planned anew from where the robot stands now, and starts.
-    void on_arm();
+    /// Arming: a path that the same station asked for while disarmed is planned anew from where the robot stands now,
+    /// and starts. That of another station is forgotten.
+    void on_arm(const Sender &sender);
     void on_disarm() { waiting_ = false; }
     void restart() { waiting_ = false; }
 
@@ -36,6 +37,7 @@ private:
     float type_ = -1.0f;
     float laps_ = -1.0f;
     float period_s_ = 0.0f;
+    Sender asker_;
     bool waiting_ = false; ///< starts with arming
 };
 

@@ -12,6 +12,7 @@ from tests.firmware.client import Client, connect, firmware, mav
 from tests.firmware.test_commands import ARM, ARMED, DISARMED, FAILSAFE, send_velocity
 
 ESTOP = 4
+STILL_RAD_S = 0.1
 
 
 class TwoLinks:
@@ -235,3 +236,63 @@ def test_a_flood_of_stations_does_not_displace_the_one_in_command(robot: Client)
             mav.MAVLink(robot, srcSystem=system).heartbeat_send(mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
         state = robot.ticks(200)[-1].actuators.state
     assert state == FAILSAFE
+
+
+def drives_on(two: TwoLinks, seconds: float, *alive: Client) -> bool:
+    """Let the first station stream a velocity, whatever the robot says; return whether wheels turn at the end."""
+    wanted: list[float] = []
+    for tick in range(round(seconds * 1000)):
+        if tick % 50 == 0:
+            send_velocity(two.first, 0.1, 0.0, 0.0)
+        if tick % 200 == 0:
+            for station in alive:
+                station.heartbeat()
+            two.sync()
+        answer = two.first.tick()
+        two.texts += [m.text for m in answer.others if m.get_type() == "STATUSTEXT"]
+        wanted = list(answer.actuators.wheel_reference)
+    return turn(wanted)
+
+
+def turn(wheels_rad_s: list[float]) -> bool:
+    return max(map(abs, wheels_rad_s)) > STILL_RAD_S
+
+
+STOP_COMMANDS = {
+    "disarm": (ARM, 0.0),
+    "hold": (mav.MAV_CMD_OMNI_TRAJECTORY_STOP,),
+    "mode hold": (mav.MAV_CMD_DO_SET_MODE, 1.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("name", STOP_COMMANDS)
+def test_set_points_of_a_drive_that_another_station_ended_never_move_the_robot_again(two: TwoLinks, name: str) -> None:
+    two.first.armed()
+    assert drives_on(two, 0.6, two.first, two.second)
+    assert two.second.command(*STOP_COMMANDS[name]) == mav.MAV_RESULT_ACCEPTED
+    drives_on(two, 0.6, two.first, two.second)
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert not drives_on(two, 1.5, two.first, two.second)
+    assert "set-point refused: its drive has ended" in two.texts
+    assert two.first.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert drives_on(two, 0.6, two.first, two.second), "a drive of its own"
+
+
+def test_set_points_end_with_a_failsafe_too(two: TwoLinks) -> None:
+    two.first.armed()
+    assert drives_on(two, 0.6, two.first, two.second)
+    drives_on(two, 0.8, two.second)
+    assert two.second.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    drives_on(two, 0.1, two.second)
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert not drives_on(two, 0.8, two.first, two.second)
+
+
+def test_a_path_that_waits_starts_only_if_the_station_that_asked_for_it_arms(two: TwoLinks) -> None:
+    two.run(0.1, two.first, two.second)
+    assert two.first.command(mav.MAV_CMD_OMNI_TRAJECTORY_START, -1, -1, 0) == mav.MAV_RESULT_ACCEPTED
+    two.run(0.1, two.first, two.second)
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    two.run(0.5, two.first, two.second)
+    assert not turn(two.first.tick().actuators.wheel_reference)
+    assert "path not started: another station armed" in two.texts
