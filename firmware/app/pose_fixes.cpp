@@ -22,6 +22,13 @@ float standard_deviation(float variance) {
     return variance > 0.0f ? omni_sqrtf(variance < most ? variance : most) : 0.0f;
 }
 
+/// Whether a quaternion is a rotation: of length 1, but for rounding. What lost its object sends zeros.
+bool is_rotation(const float (&q)[4]) {
+    constexpr float off = 0.01f;
+    const float square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    return square > (1.0f - off) * (1.0f - off) && square < (1.0f + off) * (1.0f + off);
+}
+
 /// The time that these 32 bits stand for: the one nearest to now. They wrap every 49.7 days.
 uint64_t whole_time_us(uint32_t time_ms, uint64_t now_us) {
     const uint64_t now_ms = now_us / 1000;
@@ -118,7 +125,11 @@ void PoseFixes::on_vicon(const Frame &frame) {
 
 void PoseFixes::on_mocap(const Frame &frame) {
     const auto message = frame.as<mavlink_att_pos_mocap_t>();
-    const float *q = message.q; // w, x, y, z
+    const auto &q = message.q; // w, x, y, z
+    if (!is_rotation(q)) {
+        complain("its quaternion is no rotation");
+        return;
+    }
     const float yaw = omni_atan2f(2.0f * (q[0] * q[3] + q[1] * q[2]), 1.0f - 2.0f * (q[2] * q[2] + q[3] * q[3]));
     accept(flip_frame(omni_pose_t{message.x, message.y, yaw}), message.time_usec, message.covariance);
 }

@@ -302,3 +302,25 @@ def test_a_fix_refused_before_the_loop_does_not_silence_the_first_one_in_it(robo
     robot.send(USB, bad)
     robot.hil_tick(USB, 2)
     assert refused in robot.texts()
+
+
+LOST = {
+    "zero": [0.0] * 4,
+    "not finite": [math.nan, 0.0, 0.0, 0.0],
+    "infinite": [math.inf, 0.0, 0.0, 0.0],
+    "short": [0.5, 0.0, 0.0, 0.0],
+    "long": [2.0, 0.0, 0.0, 0.0],
+}
+
+
+@pytest.mark.parametrize("name", LOST)
+def test_a_quaternion_that_is_no_rotation_is_no_pose(robot: FakeRobot, name: str) -> None:
+    """Receivers of motion capture send zeros while the object is hidden."""
+    put(robot, (0.4, 0.2, 0.5))
+    before = estimate(robot)
+    for _ in range(60):
+        robot.send(USB, frame("att_pos_mocap", 0, LOST[name], 0.0, 0.0, 0.0, NONE))
+        robot.tick(20)
+    texts = [text for text in robot.texts() if text.startswith("pose fix refused: its quaternion")]
+    assert 1 <= len(texts) <= 2, "once a second"
+    assert estimate(robot) == pytest.approx(before, abs=1e-6)
