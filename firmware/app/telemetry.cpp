@@ -12,6 +12,8 @@ namespace {
 constexpr uint64_t radio_spread_us = 70'000;
 constexpr float min_interval_us = 1000.0f;
 constexpr float max_interval_us = 4.0e9f;
+/// Of the heartbeat, which stations know the robot by: it cannot be switched off either.
+constexpr float max_heartbeat_us = 2.0e6f;
 
 /// @return stream number, or stream_count if no stream sends this message.
 size_t find_stream(uint32_t id) {
@@ -69,6 +71,10 @@ uint8_t Telemetry::set_interval(size_t link, float id, float interval_us, const 
     const size_t stream = is_valid_id(id) ? find_stream(static_cast<uint32_t>(id)) : stream_count;
     if (stream == stream_count) {
         return MAV_RESULT_UNSUPPORTED;
+    }
+    const bool essential = streams[stream].id == MAVLINK_MSG_ID_HEARTBEAT;
+    if (essential && !(interval_us >= 0.0f && interval_us <= max_heartbeat_us)) {
+        return MAV_RESULT_DENIED;
     }
     Due &due = due_[link][stream];
     if (interval_us == 0.0f) {

@@ -275,3 +275,20 @@ def test_a_reboot_keeps_the_connection_and_forgets_what_was_not_stored(robot: Cl
 def test_the_rate_of_the_status_alone_can_be_changed(robot: Client) -> None:
     robot.set("SR1_STATUS", 20)
     assert rates(robot, 1500)["SYS_STATUS"] > 4  # once a second before, and the next one is still due then
+
+
+@pytest.mark.parametrize("interval_us", [-1.0, 2147483648.0, 2.1e6, float("nan"), float("inf")])
+def test_the_heartbeat_cannot_be_switched_off(robot: Client, interval_us: float) -> None:
+    assert robot.command(INTERVAL, mav.MAVLINK_MSG_ID_HEARTBEAT, interval_us) == mav.MAV_RESULT_DENIED
+    assert count_heartbeats(robot, 6000) >= 5
+
+
+def test_a_heartbeat_every_two_seconds_is_the_slowest(robot: Client) -> None:
+    assert robot.command(INTERVAL, mav.MAVLINK_MSG_ID_HEARTBEAT, 2e6) == mav.MAV_RESULT_ACCEPTED
+    for group in (0, 2, 6, 10):
+        robot.mav.request_data_stream_send(1, 1, group, 0, 0)
+    assert count_heartbeats(robot, 6000) >= 3
+
+
+def count_heartbeats(robot: Client, ticks: int) -> int:
+    return sum(m.get_type() == "HEARTBEAT" for tick in robot.ticks(ticks) for m in tick.others)
