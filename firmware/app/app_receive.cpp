@@ -82,7 +82,7 @@ void App::take_frames(size_t link) {
 }
 
 /// Refusals go to all links: who sends lines reads no MAVLink.
-void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
+OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
     if (!heartbeats_.stations.may_stream(sender, clock_.now_us)) {
         setpoints_.refuse_ended();
         return;

@@ -69,7 +69,7 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
             false});
 }
 
-void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
     const auto mode = static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode);
     done_[sender.link] = {};
     if (set_mode(mode, sender) == MAV_RESULT_ACCEPTED) {
@@ -179,7 +179,7 @@ uint8_t Commands::run_own(const Command &command) {
     }
 }
 
-uint8_t Commands::hil_command(float enable, size_t link) {
+OMNI_COLD uint8_t Commands::hil_command(float enable, size_t link) {
     if (enable != 0.0f && enable != 1.0f) {
         return MAV_RESULT_DENIED;
     }
@@ -187,7 +187,7 @@ uint8_t Commands::hil_command(float enable, size_t link) {
 }
 
 /// What is on trial may be taken back: it is not stored.
-uint8_t Commands::storage(float action) {
+OMNI_COLD uint8_t Commands::storage(float action) {
     if (action == 1.0f && services_.trial.on()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("nothing stored: parameters are on trial"));
         return MAV_RESULT_DENIED;
@@ -195,7 +195,7 @@ uint8_t Commands::storage(float action) {
     return services_.parameters.storage_command(action);
 }
 
-uint8_t Commands::set_mode(float mode, const Sender &sender) {
+OMNI_COLD uint8_t Commands::set_mode(float mode, const Sender &sender) {
     if (is_hold(mode)) {
         return services_.trajectories.stop();
     }
@@ -206,7 +206,7 @@ uint8_t Commands::set_mode(float mode, const Sender &sender) {
     return MAV_RESULT_DENIED;
 }
 
-uint8_t Commands::set_pose(const omni_pose_t &pose) {
+OMNI_COLD uint8_t Commands::set_pose(const omni_pose_t &pose) {
     const float limit = services_.parameters.config().limits.position_m;
     if (robot_.armed()) {
         return robot_.refuse_armed("pose not set");
@@ -221,7 +221,7 @@ uint8_t Commands::set_pose(const omni_pose_t &pose) {
     return queued_result(control_.request(request));
 }
 
-uint8_t Commands::reboot(float what) {
+OMNI_COLD uint8_t Commands::reboot(float what) {
     if (what != 1.0f) {
         return MAV_RESULT_UNSUPPORTED;
     }
@@ -258,7 +258,7 @@ OMNI_COLD uint8_t Commands::test_pin(float duration_s, float release) {
     return MAV_RESULT_ACCEPTED;
 }
 
-uint8_t Commands::request_message(size_t link, float id) {
+OMNI_COLD uint8_t Commands::request_message(size_t link, float id) {
     if (!(id >= 0.0f && id < 16777216.0f)) {
         return MAV_RESULT_DENIED;
     }

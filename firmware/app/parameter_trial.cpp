@@ -3,14 +3,16 @@
 
 #include <cstring>
 
+#include "app/cold.h"
+
 namespace omni {
 
-uint8_t ParameterTrial::refuse(const char *why) {
+OMNI_COLD uint8_t ParameterTrial::refuse(const char *why) {
     texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trial refused: ").add(why));
     return MAV_RESULT_DENIED;
 }
 
-uint8_t ParameterTrial::begin(const Sender &sender) {
+OMNI_COLD uint8_t ParameterTrial::begin(const Sender &sender) {
     if (robot_.armed()) {
         return robot_.refuse_armed("trial refused");
     }
@@ -27,7 +29,7 @@ uint8_t ParameterTrial::begin(const Sender &sender) {
     return MAV_RESULT_ACCEPTED;
 }
 
-uint8_t ParameterTrial::command(float action, const Sender &sender) {
+OMNI_COLD uint8_t ParameterTrial::command(float action, const Sender &sender) {
     const bool own = on_ && sender.link == station_.link;
     const bool goes_on = own && !over_;
     if (action == 1.0f) {

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "app/cold.h"
 #include "app/core.h"
 #include "app/frames.h"
 
@@ -36,7 +37,7 @@ void Setpoints::accept(const omni_setpoint_t &setpoint) {
     refused_ = false;
 }
 
-void Setpoints::refuse(const char *why) {
+OMNI_COLD void Setpoints::refuse(const char *why) {
     refused_ = true;
     texts_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
 }
@@ -46,7 +47,7 @@ bool Setpoints::is_setpoint(const Frame &frame) {
            frame.id == MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY;
 }
 
-void Setpoints::refuse_ended() {
+OMNI_COLD void Setpoints::refuse_ended() {
     if (robot_.armed()) {
         texts_.refuse_streamed(said_us_, Text().add("set-point refused: its drive has ended"));
     }

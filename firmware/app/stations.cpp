@@ -3,15 +3,17 @@
 
 #include <algorithm>
 
+#include "app/cold.h"
+
 namespace omni {
 
-void Stations::restart() {
+OMNI_COLD void Stations::restart() {
     std::fill(stations_, stations_ + most, Station{});
     std::fill(lost_, lost_ + Board::max_ports, false);
     commander_ = most;
 }
 
-size_t Stations::find(const Sender &sender) const {
+OMNI_COLD size_t Stations::find(const Sender &sender) const {
     size_t i = 0;
     while (i < most && !(stations_[i].used && stations_[i].who == sender)) {
         ++i;
@@ -20,7 +22,7 @@ size_t Stations::find(const Sender &sender) const {
 }
 
 /// Never that of the station in command.
-size_t Stations::free_place() const {
+OMNI_COLD size_t Stations::free_place() const {
     size_t place = most;
     for (size_t i = 0; i < most; ++i) {
         const bool older = place == most || stations_[i].seen_us < stations_[place].seen_us;
@@ -32,7 +34,7 @@ size_t Stations::free_place() const {
     return place;
 }
 
-size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
+OMNI_COLD size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
     size_t i = find(sender);
     if (i == most) {
         i = free_place();
@@ -44,12 +46,12 @@ size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
     return i;
 }
 
-void Stations::take_command(const Sender &sender, uint64_t now_us) {
+OMNI_COLD void Stations::take_command(const Sender &sender, uint64_t now_us) {
     commander_ = find_or_add(sender, now_us);
     end_drives_but(sender);
 }
 
-void Stations::release() {
+OMNI_COLD void Stations::release() {
     commander_ = most;
     for (Station &station : stations_) {
         station.ended = station.ended || station.drove;
@@ -68,14 +70,14 @@ bool Stations::may_stream(const Sender &sender, uint64_t now_us) {
     return !station.ended;
 }
 
-void Stations::begin_drive(const Sender &sender) {
+OMNI_COLD void Stations::begin_drive(const Sender &sender) {
     const size_t i = find(sender);
     if (i < most) {
         stations_[i].ended = false;
     }
 }
 
-void Stations::end_drives_but(const Sender &sender) {
+OMNI_COLD void Stations::end_drives_but(const Sender &sender) {
     for (Station &station : stations_) {
         if (station.drove && !(station.who == sender)) {
             station.ended = true;

@@ -67,7 +67,7 @@ void Telemetry::set_rates(size_t link, const omni_real_t *values) {
     }
 }
 
-uint8_t Telemetry::set_interval(size_t link, float id, float interval_us, const omni_real_t *values) {
+OMNI_COLD uint8_t Telemetry::set_interval(size_t link, float id, float interval_us, const omni_real_t *values) {
     const size_t stream = is_valid_id(id) ? find_stream(static_cast<uint32_t>(id)) : stream_count;
     if (stream == stream_count) {
         return MAV_RESULT_UNSUPPORTED;

@@ -72,7 +72,7 @@ void Trajectories::say_slowed(const omni_trajectory_t &path) {
     texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
-uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
+OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
     type_ = type;
     laps_ = laps;
     period_s_ = period_s;
@@ -95,7 +95,7 @@ uint8_t Trajectories::stop() {
     return MAV_RESULT_ACCEPTED;
 }
 
-uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
+OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
     const float expected = static_cast<float>(waypoints_.count);
     if (!omni_pose_is_finite(&pose)) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
