@@ -60,6 +60,11 @@ app = typer.Typer(
 app.add_typer(host_control.app, name="host-control", hidden=True)
 
 _SLICE_S = 0.25
+_ARMED_S = 3.0
+"""The robot's heartbeat says at once that it is armed, and once a second if that one got lost."""
+_STATUS_S = 0.1
+_ENDED = "its drive has ended"
+"""How the robot, and the hub, refuse set-points of a drive that another station has ended."""
 _SETTLED_M = 0.005
 _SETTLED_RAD = 0.02
 
@@ -104,6 +109,7 @@ def _armed(wanted: DriveOptions, asked: str, check: Callable[[Robot], object] = 
             stack.callback(note, f"[bold]{log.folder}[/]: run.png, drive.json, telemetry.tlog", quiet=quiet)
         try:
             robot.arm()
+            robot.wait_until(lambda status: status.armed, _ARMED_S, "armed")
             note("armed; Ctrl-C stops and disarms", quiet=quiet)
             yield robot
         finally:
@@ -113,11 +119,23 @@ def _armed(wanted: DriveOptions, asked: str, check: Callable[[Robot], object] = 
 
 
 def _check_still_armed(robot: Robot) -> None:
+    """Raise StoppedError if the robot has stopped itself, or another station or program has stopped it."""
+    if not robot.status.armed:
+        robot.pump(_STATUS_S)  # the heartbeat comes first, then its reason
     if robot.status.state in ("failsafe", "estop"):
         safety = robot.status.safety
         faults = ", ".join(safety.fault_history or safety.faults) if safety is not None else ""
         hint = "`omni monitor` shows the faults; disarming clears the failsafe"
         raise StoppedError(f"the robot stopped itself ({robot.status.state}): {faults or 'no fault named'}", hint=hint)
+    if not robot.status.armed:
+        said = [text.text for text in robot.texts.all if text.text.startswith("hub: ")]
+        why = f" ({said[-1]})" if said else ""
+        raise StoppedError(
+            f"the robot was disarmed: another station or program stopped it{why}",
+            hint="nothing arms it again by itself",
+        )
+    if any(_ENDED in text.text for text in robot.texts.all):
+        raise StoppedError("another station or program held the robot or took the command", hint="arm again to go on")
 
 
 def _drive_in_slices(robot: Robot, duration_s: float, ask: Callable[[], None], quiet: bool) -> None:
