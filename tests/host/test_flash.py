@@ -315,7 +315,6 @@ def test_what_was_checked_is_uploaded_whatever_becomes_of_the_file(
     bench: Bench, board: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     good, uploaded = bench.hex.read_bytes(), []
-
     monkeypatch.setattr(loader, "enter_bootloader", lambda _: bool(bench.hex.write_text("another program")))
     monkeypatch.setattr(loader, "run_loader", lambda _, image: uploaded.append(image.read_bytes()))
     bench.ports = [teensy(board)]

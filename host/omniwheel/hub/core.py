@@ -47,6 +47,7 @@ RESTART_MS = 1000
 """A clock that goes back by more than this is a restart."""
 OWN_TRY_S = 1.0
 OWN_TRIES = 10
+_TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
 _ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 _CRITICAL, _WARNING, _NEWS = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_INFO
@@ -95,7 +96,7 @@ class Hub:
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}
         self._handed_over: int | None = None
-        self._trials = Trials(clock, self._end_trial, NOBODY)
+        self._trials = Trials(clock, lambda: self._send_own(_TRIAL, (TRIAL_BACK,), Kind.OTHER), NOBODY)
         self._next = 1
 
     # ---- clients
@@ -431,9 +432,6 @@ class Hub:
         if self.is_open:
             self._trials.serve()
 
-    def _end_trial(self) -> None:
-        self._send_own(mavlink.MAV_CMD_OMNI_TRIAL, (TRIAL_BACK,), Kind.OTHER)
-
     def _ask_for_streams(self) -> None:
         """Ask the robot for what the clients' wishes come to, where that is not what it was asked for last."""
         for number, interval_us in self.streams.outdated(set(self.clients)):
@@ -444,7 +442,7 @@ class Hub:
 
     def _may_try(self, client: Client, message: Message) -> bool:
         """Return whether a request may go to the robot: the trial of one client is kept from the others."""
-        if not is_command(message) or message.command != mavlink.MAV_CMD_OMNI_TRIAL:
+        if not is_command(message) or message.command != _TRIAL:
             return True
         if self._trials.may_try(client.number, message.param1):
             return True
