@@ -17,6 +17,7 @@ from playwright.sync_api import Page
 from starlette.websockets import WebSocketState
 
 from omniwheel.studio.access import Access
+from omniwheel.studio.outbox import Outbox
 from omniwheel.studio.server import StudioServer
 from omniwheel.studio.session import Session
 from omniwheel.studio.studio import Page as StudioPage
@@ -444,7 +445,7 @@ def test_a_page_that_cannot_be_told_anything_more_is_closed_so_that_it_comes_ane
     server = StudioServer(studio_, Access("127.0.0.1"), tmp_path, dict)
     socket: Any = Socket()
     with ThreadPoolExecutor() as other:  # the browser's loop has this thread
-        other.submit(lambda: asyncio.run(server._send(socket, studio_.open_page(), asyncio.Queue()))).result()
+        other.submit(lambda: asyncio.run(server._send(socket, studio_.open_page(), Outbox()))).result()
     assert socket.closed == [1011]
     assert "planted" in caplog.text
     studio_.close()

@@ -18,6 +18,7 @@ from omniwheel.sensor_quality import GYRO, SENSORS
 from omniwheel.studio import reading
 from omniwheel.studio.access import Access
 from omniwheel.studio.actions import BadRequestError
+from omniwheel.studio.outbox import Outbox
 from omniwheel.studio.recorded_log import RecordedLog
 from omniwheel.studio.server import StudioServer
 from omniwheel.studio.session import Session
@@ -201,9 +202,9 @@ def test_the_page_is_told_of_its_misspelt_signal(fed: Fed, tmp_path: Path) -> No
     server = StudioServer(fed.studio, Access("localhost"), tmp_path, dict)
 
     async def answer(key: str) -> Any:
-        outbox: asyncio.Queue[Any] = asyncio.Queue()
+        outbox = Outbox()
         await server._answered(fed.page, "show", {"id": 7, "signals": [key]}, outbox)
-        return json.loads(outbox.get_nowait())
+        return json.loads(outbox.take() or "")
 
     with ThreadPoolExecutor() as other:  # a browser's loop may have this thread
         found = list(other.map(lambda key: asyncio.run(answer(key)), (RATE, MISSPELT)))
