@@ -99,7 +99,8 @@ def _timed_stop(
     silence()
     time_s = rest_time_s(samples, layout, since_s)
     advice = (
-        f"check {parameter}; is another ground station connected, whose heartbeats count too? Close it, run this again"
+        f"check {parameter}; is another ground station of the same MAVLink numbers connected, whose heartbeats count "
+        "too? Close it, run this again"
     )
     _judge_time(findings, name, time_s, limit_s + STOP_LIMIT_S, advice)
     status = safety_of(robot)

@@ -17,6 +17,7 @@ from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.cli.image_check import check_image
 from omniwheel.errors import FlashError
+from omniwheel.files import write_bytes
 from omniwheel.flashing.hex_file import HexImage, read_hex
 from omniwheel.flashing.source import build
 
@@ -157,7 +158,7 @@ def _upload(program: Program, board: Board, loader: str) -> Flashed:
         with TemporaryDirectory(prefix="omniwheel-flash-") as folder:
             # What was checked is uploaded, whatever becomes of the file meanwhile.
             checked = Path(folder) / program.image.path.name
-            checked.write_bytes(program.image.content)
+            write_bytes(checked, program.image.content)
             run_loader(loader, checked)
     except KeyboardInterrupt:
         note(f"the upload was cut short: {CUT_SHORT}")

@@ -24,11 +24,10 @@ def test_all_three_stops_work_in_time_and_the_robot_is_left_ready(bench: Bench) 
     bench.robot.arm()  # the emergency stop is released
 
 
-@pytest.mark.full
-def test_another_ground_station_keeps_a_robot_alive_and_is_suspected(make_bench: MakeBench) -> None:
-    bench = make_bench()
+def beaten_by(bench: Bench, system: int) -> None:
+    """Let another ground station send heartbeats on the robot's link."""
     connection = bench.robot.connection
-    stranger = mavlink.MAVLink(None, 250, 190)
+    stranger = mavlink.MAVLink(None, system, connection._codec.srcComponent)
 
     def keep_alive(message: object) -> None:
         gcs = (mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID)
@@ -36,6 +35,20 @@ def test_another_ground_station_keeps_a_robot_alive_and_is_suspected(make_bench:
         connection.link.write(bytes(frame))
 
     connection.add_listener(lambda m: keep_alive(m) if m.get_type() == "HEARTBEAT" else None)
+
+
+@pytest.mark.full
+def test_another_ground_station_keeps_no_robot_alive(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    beaten_by(bench, 250)
+    result = check_stops(bench.robot, bench)
+    assert result.ok, failures(result)
+
+
+@pytest.mark.full
+def test_a_ground_station_of_the_same_numbers_keeps_a_robot_alive_and_is_suspected(make_bench: MakeBench) -> None:
+    bench = make_bench()
+    beaten_by(bench, bench.robot.connection._codec.srcSystem)
     result = check_stops(bench.robot, bench)
     assert "link loss" in failures(result)
     assert "link loss: failsafe" in failures(result)
