@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from omniwheel.dialect import mavlink
-from omniwheel.hub.in_command import IDLE_S, PAUSE_S
+from omniwheel.hub.in_command import ENDED_PAUSE_S, IDLE_S, PAUSE_S
 from omniwheel.hub.outbox import STALE_S
 from tests.hub.bench import ACCEPTED, ARM, DENIED, LATER, Bench, Station, beat, command, set_point
 
@@ -127,11 +127,25 @@ def test_a_stream_that_somebody_else_stopped_does_not_get_the_command_back(name:
     for _ in range(60):
         first.send(set_point(), beat())
         bench.run(0.05)
-    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
-    bench.run(PAUSE_S)
+    for _ in range(3):
+        bench.run(2 * PAUSE_S)
+        first.send(set_point())
+        bench.run()
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names(), "a program that stood still for a moment is the same"
+    bench.run(ENDED_PAUSE_S)
     first.send(set_point())
     bench.run()
-    assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names(), "who begins anew gets it"
+    assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names(), "after a long silence it may be another program"
+
+
+def test_a_client_that_arms_anew_streams_anew() -> None:
+    bench, first, second = driven()
+    second.send(command(ARM, 0.0))
+    bench.run(0.05)
+    bench.robot_is(armed=False)
+    first.send(command(ARM, 1.0), set_point())
+    bench.run()
+    assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names()
 
 
 def test_the_command_is_free_once_its_client_has_gone() -> None:

@@ -205,3 +205,17 @@ def test_an_automatic_hub_ends_when_nobody_is_there(cable: Cable, tmp_path: Path
         return False
 
     wait_until(is_forgotten, "the hub goes on")
+
+
+@pytest.mark.full
+def test_commands_reach_a_robot_in_the_network_through_its_hub_from_any_folder(
+    own_places: None, robot_urls: list[str], tmp_path: Path
+) -> None:
+    words = [PROGRAM, "stop", "--link", robot_urls[0]]
+    with omni("link", "--link", robot_urls[0], "--listen", "tcp:127.0.0.1:0", "--json"):
+        done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, timeout=WAIT_S, check=False)
+        assert done.returncode == 0, done.stderr
+        assert "is shared" in done.stderr
+        refused = run("link", "--link", robot_urls[0], "--listen", "tcp:127.0.0.1:0")
+        assert refused.returncode == 1
+        assert "another hub" in refused.stderr

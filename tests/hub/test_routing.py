@@ -116,3 +116,14 @@ def test_a_robot_whose_number_nobody_asked_for_is_another_one() -> None:
     bench.robot_system(2)
     bench.robot_is(armed=True)
     assert not bench.hub.command.armed
+
+
+def test_a_robot_that_refused_another_number_is_not_taken_for_the_one_that_has_it() -> None:
+    bench = Bench()
+    driver = bench.join("driver")
+    bench.robot_is(armed=False)
+    driver.send(mavlink.MAVLink_param_set_message(1, 1, b"SYS_ID", 2.0, mavlink.MAV_PARAM_TYPE_REAL32))
+    bench.robot_sends(mavlink.MAVLink_param_value_message(b"SYS_ID", 1.0, mavlink.MAV_PARAM_TYPE_REAL32, 1, 0))
+    bench.robot_system(2)
+    bench.robot_is(armed=True)
+    assert not bench.hub.command.armed

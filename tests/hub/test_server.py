@@ -169,7 +169,7 @@ def test_a_robot_that_another_program_has_is_said_once_and_waited_for() -> None:
                     robot.accept()[0].close()
                     tries += 1
             assert server._reopen_s == SLOWEST_REOPEN_S
-            assert len(server.hub.events) == 2, list(server.hub.events)  # open, then waiting
+            assert len(server.hub.events) == 3, list(server.hub.events)  # open, gone, then waiting
 
 
 def test_other_programs_find_the_hub_by_the_address_of_a_robot_in_the_network(robot: str, own_places: None) -> None:

@@ -150,7 +150,7 @@ def test_a_page_that_reads_nothing_takes_no_memory_and_still_stops_the_robot(sim
         show = json.dumps({"do": "show", "signals": keys, "span_s": 1e4})
         look = json.dumps({"do": "window", "begin_s": 0, "end_s": 1e6, "width": 4000})
         before_mb = resident_mb()
-        with connect(socket_url(simulated), max_queue=1) as deaf:  # with a full queue it reads no further
+        with connect(socket_url(simulated), max_queue=1, max_size=None) as deaf:  # a full queue reads no further
             deaf.send(show)
             for _ in range(1500):
                 deaf.send(look)

@@ -204,7 +204,7 @@ def test_the_page_is_told_of_its_misspelt_signal(fed: Fed, tmp_path: Path) -> No
     async def answer(key: str) -> Any:
         outbox = Outbox()
         await server._answered(fed.page, "show", {"id": 7, "signals": [key]}, outbox)
-        return json.loads(outbox.take() or "")
+        return json.loads(outbox.pop() or "")
 
     with ThreadPoolExecutor() as other:  # a browser's loop may have this thread
         found = list(other.map(lambda key: asyncio.run(answer(key)), (RATE, MISSPELT)))

@@ -16,8 +16,8 @@ READ_BYTES = 4096
 UNREAD_BYTES = 1 << 20
 """A client that leaves so much unread is sent away."""
 MOST_CLIENTS = 100
-"""At one address. For one more, the one that has been silent for longest is sent away, so that nobody locks others out.
-select() can wait for 1024 sockets."""
+"""At one address. For one more, the client that has been silent for longest is disconnected, so that idle connections
+lock no other out. select() can wait for 1024 sockets."""
 UDP_SILENCE_S = 10.0
 """A UDP peer that found the hub by itself is forgotten after this silence."""
 
@@ -97,7 +97,7 @@ class TcpClients:
         client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         if len(self._clients) >= MOST_CLIENTS:
             silent = next(old for old, number in self._clients.items() if number != self._hub.command.holder)
-            _say_sent_away(self._hub, self._clients[silent])
+            _log_eviction(self._hub, self._clients[silent])
             self._leave(silent)
         number = self._hub.join(f"{host}:{port}")
         self._clients[client] = number
@@ -159,7 +159,7 @@ class UdpClients:
         if not number:
             if len(self._peers) >= MOST_CLIENTS:
                 silent = next(old for old, (at, _) in self._peers.items() if at != self._hub.command.holder)
-                _say_sent_away(self._hub, self._peers[silent][0])
+                _log_eviction(self._hub, self._peers[silent][0])
                 self._hub.leave(self._peers.pop(silent)[0])
             number = self._hub.join(f"udp {peer[0]}:{peer[1]}")
         self._peers[peer] = (number, max(until_s, now_s + UDP_SILENCE_S))
@@ -180,8 +180,8 @@ class UdpClients:
         self._socket.close()
 
 
-def _say_sent_away(hub: Hub, number: int) -> None:
-    hub.events.append(f"{hub.clients[number].name} is sent away: {MOST_CLIENTS} clients are the most, and it is silent")
+def _log_eviction(hub: Hub, number: int) -> None:
+    hub.events.append(f"{hub.clients[number].name} is disconnected: more than {MOST_CLIENTS} clients, and it is silent")
 
 
 def _cannot_listen(kind: str, address: LinkAddress, error: OSError) -> LinkOpenError:

@@ -15,8 +15,9 @@ from omniwheel.byte_budget import ByteBudget
 from omniwheel.dialect import TRIAL_BACK, Message, mavlink, take_bytes
 from omniwheel.hub import wire
 from omniwheel.hub.client import HUB_COMPONENT, Client
+from omniwheel.hub.followed import FollowedRobot
 from omniwheel.hub.in_command import InCommand
-from omniwheel.hub.outbox import Outbox, Waiting
+from omniwheel.hub.outbox import NEWEST_COUNTS, Outbox, Waiting
 from omniwheel.hub.parameter_requests import ParameterRequests
 from omniwheel.hub.pending import Pending, Question
 from omniwheel.hub.rules import (
@@ -41,8 +42,6 @@ NOBODY = -1
 """The hub itself, where a client's number is asked for."""
 HEARTBEAT_S = 0.9
 """While nobody commands, the robot hears one heartbeat of a station in this time, whichever client sends it."""
-ROBOT_SILENCE_S = 10.0
-"""A robot that is silent for so long may be another one from then on."""
 RESTART_MS = 1000
 """A clock that goes back by more than this is a restart."""
 OWN_TRY_S = 1.0
@@ -51,7 +50,6 @@ _TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
 _ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 _CRITICAL, _WARNING, _NEWS = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_INFO
-_NEWEST_COUNTS = (Kind.SETPOINT, Kind.FIX)
 _MOVES = (Kind.MOVE, Kind.SETPOINT)
 
 
@@ -89,9 +87,7 @@ class Hub:
         self._own_s = float("-inf")
         self._own_number = 0
         self._own_tries: Counter[tuple[int, float]] = Counter()
-        self._robot = (1, 1)
-        self._robot_s = float("-inf")
-        self._new_ids: set[int] = set()
+        self._robot = FollowedRobot()
         self._boot_ms = 0
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}
@@ -139,9 +135,9 @@ class Hub:
         self._own_tries.clear()
         self._own_s = float("-inf")
         if not quiet:
-            self.say_open()
+            self.announce_open()
 
-    def say_open(self) -> None:
+    def announce_open(self) -> None:
         """Tell everybody that the port is there."""
         self._say(f"{self.settings.name} is open")
         self._tell_all(f"hub: {self.settings.name} is there", _NEWS)
@@ -150,7 +146,7 @@ class Hub:
         """The port has gone. What waited for it is thrown away, and its senders are told."""
         self.is_open = False
         self.command.armed = False
-        self._robot_s = float("-inf")
+        self._robot.lose()
         if self.command.holder is not None:
             self._released(self.clients[self.command.holder], "has lost the port")
             self.command.release()
@@ -202,8 +198,7 @@ class Hub:
         now_s = self._clock()
         self.command.hear(client.number, now_s)
         kind = kind_of(message)
-        if message.get_type() == "PARAM_SET" and message.param_id == "SYS_ID" and 1.0 <= message.param_value <= 254.0:
-            self._new_ids.add(int(message.param_value))
+        self._robot.watch_request(message, now_s)
         if kind is Kind.NAME:
             self._introduce(client, str(message.text))
             return
@@ -239,7 +234,7 @@ class Hub:
             if other is not origin and (system == 0 or system in other.systems):
                 other.out += wire.unsigned(message)
         known = set().union(*(client.systems for client in self.clients.values()))
-        return system in (0, self._robot[0]) or system not in known
+        return system in (0, self._robot.source[0]) or system not in known
 
     def _stop(self, client: Client, message: Message) -> None:
         now_s = self._clock()
@@ -259,7 +254,7 @@ class Hub:
             self.command.release()
             self._released(client, "has disarmed")
         elif holder not in (None, client.number):
-            self.command.take_away(now_s)
+            self.command.revoke(now_s)
             self._released(self.clients[holder], f"was stopped by {client.name}")
 
     def _move(self, client: Client, message: Message, kind: Kind) -> None:
@@ -338,7 +333,7 @@ class Hub:
             slot = message.command
         elif kind is Kind.HEARTBEAT:
             slot = (kind, source_of(message))
-        elif kind in _NEWEST_COUNTS:
+        elif kind in NEWEST_COUNTS:
             slot = message.get_type()
         elif is_command(message) and receipt_of(message):
             slot = (message.command, receipt_of(message))
@@ -353,24 +348,18 @@ class Hub:
         name = message.get_type()
         if name == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
             self._watch_heartbeat(source, bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
-        if source == self._robot:
+        if source == self._robot.source:
             self._sequence = message.get_seq()
             self._watch_clock(getattr(message, "time_boot_ms", self._boot_ms))
         if name == "PARAM_VALUE":
+            if source == self._robot.source:
+                self._robot.watch_parameter(message)
             self._parameters.seen(message, self._clock())
 
     def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
-        """Follow the robot that was heard first; another one on the same radio has no say until this one is silent.
-
-        It may have a new number (SYS_ID) because a client gave it one.
-        """
         now_s = self._clock()
-        renamed = source[0] in self._new_ids and source[1] == self._robot[1]
-        if source != self._robot and not renamed and now_s - self._robot_s < ROBOT_SILENCE_S:
+        if not self._robot.accept_heartbeat(source, now_s):
             return
-        if source != self._robot:
-            self._new_ids.clear()
-        self._robot, self._robot_s = source, now_s
         holder = self.command.holder
         if self.command.robot_says(armed, now_s) and holder is not None:
             self._released(self.clients[holder], "is done: the robot is not armed")
@@ -446,18 +435,20 @@ class Hub:
             return True
         if self._trials.may_try(client.number, message.param1):
             return True
-        if self._trials.ends:
+        if self._trials.end_pending:
             self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
         elif self._trials.client is not None:
             self._tell(client, f"hub: {self.clients[self._trials.client].name} tries parameters", _WARNING)
-        self._refuse(client.number, message, _LATER if self._trials.ends else _DENIED)
+        self._refuse(client.number, message, _LATER if self._trials.end_pending else _DENIED)
         return False
 
     def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
         """Send a command of the hub itself; its answer is for no client."""
         self._own_number = self._own_number % 65535 + 1
         numbers = (*params, *[0.0] * (4 - len(params)))
-        message = mavlink.MAVLink_command_long_message(*self._robot, command, 0, *numbers, self._own_number, 0, 0)
+        message = mavlink.MAVLink_command_long_message(
+            *self._robot.source, command, 0, *numbers, self._own_number, 0, 0
+        )
         message.pack(self._own)
         self._own.seq = (self._own.seq + 1) % 256
         if self._outbox.add(self._waiting(NOBODY, message, kind)):
@@ -472,11 +463,12 @@ class Hub:
 
     def _acknowledge(self, client: Client, message: Message, result: int) -> None:
         target = target_of(message)
-        source = (target.system or self._robot[0], target.component or self._robot[1])
+        system, component = self._robot.source
+        source = (target.system or system, target.component or component)
         client.acknowledge(message, result, receipt_of(message), source, self._sequence)
 
     def _tell(self, client: Client, text: str, severity: int, about: str = "") -> None:
-        client.tell(self._robot[0], text, severity, self._clock(), about)
+        client.tell(self._robot.source[0], text, severity, self._clock(), about)
 
     def _tell_all(self, text: str, severity: int, but: int = NOBODY) -> None:
         for client in self.clients.values():

@@ -7,6 +7,8 @@ IDLE_S = 3.0
 """A client in command that is silent for so long, or does not move a disarmed robot for so long, is not any more."""
 PAUSE_S = 1.0
 """A stream that was refused does not become the command in its middle: it must pause for so long first."""
+ENDED_PAUSE_S = 10.0
+"""... and for so long if another client has ended its drive, as at the robot (Stations::away_us)."""
 
 
 class InCommand:
@@ -20,7 +22,8 @@ class InCommand:
         self.armed = False
         self._moved_s = float("-inf")
         self._heard_s = float("-inf")
-        self._refused_s: dict[int, float] = {}
+        self._pauses: dict[int, tuple[float, float]] = {}
+        """Of clients whose stream was refused: when it was last, and how long it must pause from then on."""
 
     def hear(self, client: int, now_s: float) -> None:
         """Take note that a client has said something."""
@@ -29,15 +32,14 @@ class InCommand:
 
     def may_move(self, client: int, now_s: float, *, stream: bool) -> bool:
         """Ask for the command: True if the client has it now. ``stream`` marks a set-point of a stream."""
-        if self.holder is None and stream and now_s - self._refused_s.get(client, float("-inf")) < PAUSE_S:
-            self._refused_s[client] = now_s
-            return False
-        if self.holder not in (None, client):
-            self._refused_s[client] = now_s
+        refused_s, pause_s = self._pauses.get(client, (float("-inf"), PAUSE_S))
+        must_pause = stream and now_s - refused_s < pause_s
+        if self.holder not in (None, client) or (self.holder is None and must_pause):
+            self._pauses[client] = (now_s, pause_s if must_pause else PAUSE_S)
             return False
         self.holder = client
         self._moved_s = self._heard_s = now_s
-        self._refused_s.pop(client, None)
+        self._pauses.pop(client, None)
         return True
 
     def hears_heartbeat_of(self, client: int) -> bool:
@@ -50,17 +52,17 @@ class InCommand:
     def robot_says(self, armed: bool, now_s: float) -> bool:
         """Take the robot's heartbeat; return whether the command was released by it."""
         was, self.armed = self.armed, armed
-        return was and not armed and self.take_away(now_s)
+        return was and not armed and self.revoke(now_s)
 
-    def take_away(self, now_s: float) -> bool:
-        """End the command for another reason than its client's wish: the stream that goes on does not get it again."""
+    def revoke(self, now_s: float) -> bool:
+        """End the command although its client may still stream; return whether there was one."""
         if self.holder is not None:
-            self._refused_s[self.holder] = now_s
+            self._pauses[self.holder] = (now_s, ENDED_PAUSE_S)
         return self.release()
 
     def leave(self, client: int) -> bool:
         """Forget a client; return whether the command was released by it."""
-        self._refused_s.pop(client, None)
+        self._pauses.pop(client, None)
         return client == self.holder and self.release()
 
     def is_idle(self, now_s: float) -> bool:

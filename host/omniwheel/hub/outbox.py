@@ -24,7 +24,8 @@ REPEAT_S = 1.0
 HOLDER_SHARE = 3
 """While others wait, too, the commanding client gets so many bytes for each one of theirs."""
 _CREDIT_BYTES = 100
-_FRESH = (Kind.SETPOINT, Kind.FIX)
+NEWEST_COUNTS = (Kind.SETPOINT, Kind.FIX)
+"""Of a client's frames of these kinds only the newest waits, and not for longer than STALE_S."""
 
 
 @dataclass
@@ -118,7 +119,7 @@ class Outbox:
         oldest_s = self._clock() - STALE_S
         old = []
         for client, queue in self._queues.items():
-            late = [frame for frame in queue if frame.kind in _FRESH and frame.since_s < oldest_s]
+            late = [frame for frame in queue if frame.kind in NEWEST_COUNTS and frame.since_s < oldest_s]
             if late:
                 old += late
                 self._queues[client] = deque(frame for frame in queue if frame not in late)

@@ -62,7 +62,7 @@ def names_of(port: str) -> tuple[str, ...]:
 
     A network address has one name.
     """
-    if port.startswith("tcp:"):
+    if port.startswith(("tcp:", "udp:", "udpin:", "udpout:")):
         return (port,)
     return tuple(sorted({os.path.abspath(port), os.path.realpath(port)}))
 

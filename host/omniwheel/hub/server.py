@@ -22,9 +22,9 @@ from omniwheel.signing import Signer
 REOPEN_S = 0.2
 """How long between two looks for a port that has gone."""
 AT_ONCE_S = 0.3
-"""A connection that ends within this time without a byte: the robot has another client."""
+"""A connection that is closed within this time, without data: the robot has another client."""
 SLOWEST_REOPEN_S = 5.0
-"""... between two looks for a robot that ends every connection."""
+"""Longest back-off while a robot closes every connection."""
 HAND_OVER_S = 0.02
 """... and for one that another program is about to let go."""
 WAIT_S = 0.1
@@ -65,7 +65,6 @@ class HubServer:
         self._link: FileLink | None = None
         self._next_open_s = float("-inf")
         self._opened_s = float("-inf")
-        self._ended_at_once = False
         self._reopen_s = REOPEN_S
         self._serial_number = ""
         self._waiting_because = ""
@@ -157,28 +156,37 @@ class HubServer:
         try:
             if link.fileno() in ready:
                 self.hub.from_port(link.read(0.0))
-                self._heard()
+                self._confirm_port()
             while select.select([], [link], [], 0.0)[1] and (frame := self.hub.to_port()):
                 link.write(frame)
         except (LinkError, OSError):
             link.close()
             self._link = None
-            now_s = time.monotonic()
-            self._ended_at_once = self._opened_s > float("-inf") and now_s - self._opened_s < AT_ONCE_S
-            self.hub.port_lost(quiet=self._ended_at_once)
-            if self._ended_at_once:
-                self._reopen_s = min(2.0 * self._reopen_s, SLOWEST_REOPEN_S)
-                self._next_open_s = now_s + self._reopen_s
-                self._say_once(f"waiting: {self._url} ends every connection; does another program have the robot?")
+            self.hub.port_lost(quiet=self._backs_off)
+            self._back_off()
 
-    def _heard(self) -> None:
-        """The robot has said something: this is its port."""
+    @property
+    def _backs_off(self) -> bool:
+        """Whether the last connection was closed before any data came."""
+        return self._reopen_s > REOPEN_S
+
+    def _back_off(self) -> None:
+        """Double the time to the next connection if this one was closed before any data came."""
+        now_s = time.monotonic()
+        if now_s - self._opened_s >= AT_ONCE_S:
+            self._reopen_s = REOPEN_S
+            return
+        self._reopen_s = min(2.0 * self._reopen_s, SLOWEST_REOPEN_S)
+        self._next_open_s = now_s + self._reopen_s
+        self._say_once(f"waiting: {self._url} closes every connection; does another program have the robot?")
+
+    def _confirm_port(self) -> None:
+        """Data came: end the back-off, and announce a port that was opened quietly."""
         self._opened_s = float("-inf")
-        self._reopen_s = REOPEN_S
-        if self._ended_at_once:
-            self._ended_at_once = False
+        if self._backs_off:
+            self._reopen_s = REOPEN_S
             self._waiting_because = ""
-            self.hub.say_open()
+            self.hub.announce_open()
 
     def _open_if_due(self) -> None:
         now_s = time.monotonic()
@@ -190,7 +198,7 @@ class HubServer:
         except LinkOpenError as error:
             self._say_once(f"waiting: {error}")
             return
-        if not self._ended_at_once:
+        if not self._backs_off:
             self._waiting_because = ""
         if self._hand_over_until_s > float("-inf"):
             places.withdraw(self.device)
@@ -198,7 +206,7 @@ class HubServer:
         self._claim_again(self._link)
         self.was_open = True
         self._opened_s = now_s
-        self.hub.port_opened(quiet=self._ended_at_once)
+        self.hub.port_opened(quiet=self._backs_off)
 
     def _say_once(self, line: str) -> None:
         if line != self._waiting_because:

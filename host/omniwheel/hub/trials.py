@@ -23,12 +23,12 @@ class Trials:
         self._clock = clock
         self._end = end
         self._hub = hub
-        self._told_s = float("-inf")
+        self._sent_s = float("-inf")
         self.client: int | None = None
         """Whose trial goes on; the hub's number: its client is gone, and the end is not acknowledged yet."""
 
     @property
-    def ends(self) -> bool:
+    def end_pending(self) -> bool:
         """Whether the robot has not acknowledged the end yet of a trial whose client is gone."""
         return self.client == self._hub
 
@@ -44,12 +44,12 @@ class Trials:
         """Forget a client: what it has tried is taken back."""
         if self.client == client:
             self.client = self._hub
-            self._say_end()
+            self._send_end()
 
     def serve(self) -> None:
         """Say the end again if it is due."""
-        if self.ends and self._clock() - self._told_s >= RETRY_S:
-            self._say_end()
+        if self.end_pending and self._clock() - self._sent_s >= RETRY_S:
+            self._send_end()
 
     def answered(self, question: Question, ack: Message) -> None:
         """A trial ends when the robot says so: by its acknowledgement of the end, or because it refuses the rest."""
@@ -58,6 +58,6 @@ class Trials:
         if ack.result not in _GO_ON or (ack.result == _ACCEPTED and question.action in (TRIAL_KEEP, TRIAL_BACK)):
             self.client = None
 
-    def _say_end(self) -> None:
-        self._told_s = self._clock()
+    def _send_end(self) -> None:
+        self._sent_s = self._clock()
         self._end()

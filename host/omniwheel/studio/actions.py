@@ -29,7 +29,7 @@ class BadRequestError(OmniError):
     """A page asked for something that cannot be understood."""
 
 
-def parsed(text: str | bytes | bytearray) -> Any:
+def parse_request(text: str | bytes | bytearray) -> Any:
     """Return what a page has sent as JSON. Raises BadRequestError.
 
     An integer that no double holds exactly is a float, which may be infinite: nothing converts it later and fails.

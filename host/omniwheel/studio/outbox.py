@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Answers that wait for one page, bounded: a page that does not read takes no memory for ever."""
+"""Answers that wait for one page, in a bounded buffer: a page that does not read takes no more memory than this."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Outbox:
             self._answers.append(answer)
             self._size += len(answer)
 
-    def take(self) -> str | bytes | None:
+    def pop(self) -> str | bytes | None:
         """Take the oldest answer out; None: there is none."""
         if not self._answers:
             return None

@@ -18,7 +18,7 @@ from starlette.routing import Route
 from omniwheel.errors import LogError, OmniError
 from omniwheel.studio import reading
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import BadRequestError, keys_of, number_of, parsed
+from omniwheel.studio.actions import BadRequestError, keys_of, number_of, parse_request
 from omniwheel.studio.studio import Page, Studio
 from omniwheel.studio.words import hint_of
 from omniwheel.studio.worker import Worker
@@ -26,8 +26,8 @@ from omniwheel.studio.worker import Worker
 T = TypeVar("T")
 LARGEST_UPLOAD = 512 << 20
 MOST_UPLOADS = 4
-STALLED_S = 20.0
-"""An upload of which nothing comes for so long is ended: it keeps a place."""
+UPLOAD_TIMEOUT_S = 20.0
+"""An upload without data for so long is ended: it counts among MOST_UPLOADS."""
 LARGEST_REQUEST = 64 * 1024
 _WIDTHS = (10, 4000)
 _TYPE = "application/octet-stream"
@@ -124,7 +124,7 @@ class Runs:
             content += part
             if len(content) > LARGEST_REQUEST:
                 raise BadRequestError("that request is too long")
-        wanted = parsed(content)
+        wanted = parse_request(content)
         if not isinstance(wanted, dict):
             raise BadRequestError("that is no request of this page")
         keys = keys_of(wanted)
@@ -173,14 +173,14 @@ async def _received(request: Request, file: IO[bytes]) -> None:
     size = 0
     parts = request.stream()
     try:
-        while (part := await asyncio.wait_for(anext(parts, None), STALLED_S)) is not None:
+        while (part := await asyncio.wait_for(anext(parts, None), UPLOAD_TIMEOUT_S)) is not None:
             size += len(part)
             if size > LARGEST_UPLOAD:
                 raise _too_large()
             await asyncio.to_thread(file.write, part)
         await asyncio.to_thread(file.flush)
     except asyncio.TimeoutError as error:
-        raise LogError(f"nothing more of this file came for {STALLED_S:g} s", hint="send it again") from error
+        raise LogError(f"the upload timed out: no data for {UPLOAD_TIMEOUT_S:g} s", hint="send it again") from error
     except OSError as error:
         raise LogError(
             f"there is no room for this file: {error.strerror}", hint="free some space on the disk"

@@ -30,7 +30,7 @@ from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
 from omniwheel.studio.access import Access
-from omniwheel.studio.actions import ACTIONS, BadRequestError, keys_of, number_of, parsed
+from omniwheel.studio.actions import ACTIONS, BadRequestError, keys_of, number_of, parse_request
 from omniwheel.studio.bringup_walk import wiring_picture
 from omniwheel.studio.outbox import Outbox
 from omniwheel.studio.parameter_view import values_as_json
@@ -73,7 +73,7 @@ class StudioServer:
         self._vendor_dir = vendor_dir
         self._scenarios = scenarios
         self._changing = asyncio.Lock()
-        self._drawing = asyncio.Lock()
+        self._samples_lock = asyncio.Lock()
         self.runs = Runs(studio, access, _SECURITY)
         self._local: dict[str, Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]] = {
             "stop": self._stop,
@@ -194,7 +194,7 @@ class StudioServer:
     async def _send_all(self, socket: WebSocket, page: Page, outbox: Outbox) -> None:
         turn = 0
         while True:
-            while (answer := outbox.take()) is not None:
+            while (answer := outbox.pop()) is not None:
                 await _send_one(socket, answer)
             samples = self.studio.new_samples(page)
             if samples:
@@ -209,7 +209,7 @@ class StudioServer:
     async def _receive(self, page: Page, text: str | None, outbox: Outbox, waiting: set[asyncio.Task[None]]) -> None:
         self.studio.heard(page)
         try:
-            request = parsed(text or "")
+            request = parse_request(text or "")
         except BadRequestError:
             request = None
         action = request.get("do") if isinstance(request, dict) else None
@@ -281,16 +281,16 @@ class StudioServer:
         if not 0 <= number <= MOST_NUMBER:
             raise BadRequestError(f"number has to be from 0 to {MOST_NUMBER}, not {number}")
         keys, span_s = keys_of(request), number_of(request, "span_s", 10.0)
-        return await self._drawn(lambda: self.studio.show(page, keys, span_s, number))
+        return await self._compute_samples(lambda: self.studio.show(page, keys, span_s, number))
 
     async def _window(self, page: Page, request: Mapping[str, Any]) -> bytes:
         width = min(max(int(number_of(request, "width", 1000.0)), 10), 4000)
         begin_s, end_s = number_of(request, "begin_s"), number_of(request, "end_s")
-        return await self._drawn(lambda: self.studio.window(page, begin_s, end_s, width))
+        return await self._compute_samples(lambda: self.studio.window(page, begin_s, end_s, width))
 
-    async def _drawn(self, samples: Callable[[], bytes]) -> bytes:
+    async def _compute_samples(self, samples: Callable[[], bytes]) -> bytes:
         """Compute samples for a plot. Between two such computations, of whatever page, a stop is heard."""
-        async with self._drawing:
+        async with self._samples_lock:
             await asyncio.sleep(0)
             return samples()
 
