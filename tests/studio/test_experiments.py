@@ -19,7 +19,7 @@ from websockets.sync.client import ClientConnection, connect
 from omniwheel.robots import read_robot
 from omniwheel.studio.experiments import KINDS, Experiment, Wanted
 from omniwheel.studio.session import Session
-from tests.studio.parts import NIGHTLY, Opener, Program, studio, until
+from tests.studio.parts import NIGHTLY, Opener, Program, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url
 from tests.waiting import wait_until
 
@@ -51,13 +51,22 @@ def page(simulated: Program, open_page: Opener) -> Page:
 
 
 def start(page: Page, name: str) -> None:
+    """Start an experiment. One whose page a busy computer kept silent for too long has ended: it begins again."""
+    lost = f"({RUN}?.trouble ?? '').includes('the page that commands is gone')"
     page.select_option("#experiment-kind", name)
     assert page.is_disabled("#experiment-start")
-    page.click("#experiment-look")
-    until(page, "!document.getElementById('experiment-start').disabled")
-    assert "needs a square of" in (page.text_content("#experiment-needs") or "")
-    page.click("#experiment-start")
-    until(page, f"{RUN}?.running")
+    for _ in range(5):
+        page.click("#experiment-look")
+        until(page, "!document.getElementById('experiment-start').disabled")
+        assert "needs a square of" in (page.text_content("#experiment-needs") or "")
+        number = page.evaluate("studio.state.experiment?.number ?? 0")
+        page.click("#experiment-start")
+        until(page, f"{RUN}?.running || ({RUN}?.number > {number} && {lost})")
+        if page.evaluate("studio.state.experiment.running"):
+            return
+        take_over(page)
+        until(page, "robot.state === 'disarmed'")
+    raise AssertionError(page.evaluate("studio.state.experiment"))
 
 
 def parameters(page: Page) -> Any:
