@@ -20,7 +20,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 LOGS = ROOT / "build" / "ci"
-LIMIT_S = 3600.0
+LIMIT_S = 4800.0
 SLOTS = 2
 POLL_S = 0.2
 TAIL = 25
