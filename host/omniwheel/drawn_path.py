@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from omniwheel.core_config import plan_trajectory, robot_config
 from omniwheel.errors import OmniError
 from omniwheel.frames import Pose
 from omniwheel.robot import Robot
+from omniwheel.table_file import TableFormat, read_table
 
 MOST_POINTS: int = lib.OMNI_MAX_WAYPOINTS
 MOST_GIVEN = 20_000
@@ -35,6 +35,11 @@ _LEAST_PERIOD_S = 0.5
 
 class DrawnPathError(OmniError):
     """A line that is no path: too short, too many points, not finite."""
+
+
+_FILE = TableFormat(
+    DrawnPathError, "a line per point: x, y in metres, with decimal points, like 0.5, 0.25", ("x", "y"), comments=True
+)
 
 
 @dataclass(frozen=True)
@@ -122,28 +127,15 @@ def preview(path: DrawnPath, values: Mapping[str, float], table: ParameterTable,
 
 
 def read_line(path: Path) -> list[list[float]]:
-    """Return the positions of a CSV file: x and y [m] in the first two columns, with decimal points.
+    """Return the positions of a CSV file: its columns x and y [m], in this order if there is no heading line.
 
-    Columns are parted by commas, or by semicolons or tabs. One heading line is left out. Raises DrawnPathError.
+    Columns are parted by commas, or by semicolons or tabs. Raises DrawnPathError.
     """
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DrawnPathError(f"{path}: cannot be read: {error}") from error
-    lines = [(number, words) for number, words in enumerate(text.splitlines(), 1) if words.strip() and words[0] != "#"]
-    found: list[list[float]] = []
-    for place, (number, words) in enumerate(lines):
-        try:
-            x, y = (float(cell) for cell in re.split(r"[;\t]" if re.search(r"[;\t]", words) else ",", words)[:2])
-        except ValueError:
-            if place == 0 and re.search(r"[A-Za-z]", words):
-                continue
-            hint = "two numbers with decimal points, like 0.5, 0.25"
-            raise DrawnPathError(f"{path}:{number}: {words.strip()!r} is not x, y in metres", hint=hint) from None
-        found.append([x, y])
+    columns = read_table(path, _FILE).columns
+    found = np.column_stack((columns["x"], columns["y"])).tolist()
     if not found:
-        raise DrawnPathError(f"{path}: has no points", hint="a line per point: x, y in metres")
-    return found
+        raise DrawnPathError(f"{path}: has no points", hint=_FILE.hint)
+    return list(found)
 
 
 def _checked(line: Sequence[Sequence[float]]) -> NDArray[np.float64]:

@@ -80,7 +80,7 @@ def new_robot_file(name: str, template: str, folder: Path) -> Path:
     """
     target = free_robot_path(name, folder)
     source = find_robot_file(template)
-    text = _NAME_LINE.sub(f'name = "{name}"', source.read_text(encoding="utf-8"), count=1)
+    text = _NAME_LINE.sub(f'name = "{name}"', source.read_text(encoding="utf-8-sig"), count=1)
     try:
         files.create(target, text.encode("utf-8"))
     except FileExistsError:

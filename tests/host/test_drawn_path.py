@@ -79,23 +79,40 @@ def test_the_preview_is_what_the_core_plans() -> None:
     assert math.isinf(preview(drawn_path(CIRCLE, 0.2, laps=0.0), VALUES, TABLE, Pose(0.0, 0.0, 0.0)).duration_s)
 
 
-def test_a_file_is_read_with_or_without_a_heading_line(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x,y\n# a comment\n0,0.5\n1,0.2\n\n",
+        "y;x\n0.5;0\n0.2;1\n",
+        " y\tx\n0.5\t0\n0.2\t1\n \n\n",
+        "\ufeff0,0.5\n1,0.2",
+        "\ufeffy,x\r\n0.5,0\r\n\r\n0.2,1\r\n\r\n",
+    ],
+)
+def test_the_heading_line_says_which_column_is_what_and_without_one_x_comes_first(tmp_path: Path, text: str) -> None:
     file = tmp_path / "line.csv"
-    file.write_text("x,y\n# a comment\n0,0\n0.5; 0.1\n1\t0.2\n\n", encoding="utf-8")
-    assert read_line(file) == [[0.0, 0.0], [0.5, 0.1], [1.0, 0.2]]
-    file.write_text("0.1,0.2,heading\n0.3,0.4,0\n", encoding="utf-8-sig")
-    assert read_line(file) == [[0.1, 0.2], [0.3, 0.4]], "the mark that spreadsheets put first is no heading line"
+    file.write_text(text, encoding="utf-8", newline="")
+    assert read_line(file) == [[0.0, 0.5], [1.0, 0.2]]
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "no points"),
-        ("x,y\n0,0\n1,a\n", ":3: '1,a' is not"),
-        ("0,0\n1\n", ":2: '1' is not"),
-        ("0,5;0,25\n", ":1: '0,5;0,25' is not"),
-        (",0.1,0.2\n", ":1: ',0.1,0.2' is not"),
-        ("x,y\nmetres,metres\n0,0\n", ":2: 'metres,metres' is not"),
+        ("", "no rows"),
+        ("x,y\n", "no points"),
+        ("x,y\n0,0\n1,a\n", ":3: y is 'a'"),
+        ("x,y\n0,0\n1,1_0\n", ":3: y is '1_0'"),
+        ("0,0\n1\n", ":2: 1 cells"),
+        ("0,5;0,25\n", ":1: x is '0,5'"),
+        ("0,3,0,0\n", ":1: 4 cells"),
+        ("x,y\n0,3,0,0\n", ":2: 4 cells"),
+        (",0.1,0.2\n", ":1: 3 cells"),
+        ("0.1,0.2,heading\n0.3,0.4,0\n", ":1: 3 cells"),
+        ("x,y\nmetres,metres\n0,0\n", ":2: x is 'metres'"),
+        ("t,x,y\n0,0,0\n1,1,1\n", ":1: .*'t'.* x, y$"),
+        ("x,y,theta\n0,0,0\n1,1,1\n", ":1: .*'theta'.* x, y$"),
+        ("x,y,x\n0,0,0\n1,1,1\n", ":1: .*'x'"),
+        ("x\n0\n1\n", ":1: .*y"),
     ],
 )
 def test_a_file_that_is_no_line_is_refused(tmp_path: Path, text: str, words: str) -> None:

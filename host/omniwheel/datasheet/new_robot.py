@@ -86,7 +86,7 @@ def robot_file_text(name: str, answers: RobotAnswers) -> str:
         raise DataSheetError(f"{answers.wheels} wheels: 3 or 4 are needed")
     model = motor_model(answers.motor)
     template = find_robot_file(TEMPLATES[answers.wheels])
-    wiring = section_text(template.read_text(encoding="utf-8"), "wiring")
+    wiring = section_text(template.read_text(encoding="utf-8-sig"), "wiring")
     head = (
         f"# SPDX-License-Identifier: MIT\n# {name}: written by `omni robots new` from data-sheet numbers.\n"
         "# Each line says where its number came from.\n# What is assumed is worth measuring: omni identify.\n"

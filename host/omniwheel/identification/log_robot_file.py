@@ -31,7 +31,7 @@ def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path,
     if target.suffix != ".toml":
         raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
     source = find_robot_file(nominal)
-    text = source.read_text(encoding="utf-8")
+    text = source.read_text(encoding="utf-8-sig")
     text += "".join(f"\n[{section}]\n" for section in ("motor", "parameters") if section not in read_toml(source))
     try:
         files.create(target, edited(text, changes(found)).encode("utf-8"))

@@ -19,7 +19,7 @@ def write_robot_file(found: Identification, name: str, template: str, folder: Pa
     """
     path = new_robot_file(name, str(find_robot_file(template)), folder)
     try:
-        text = edited(path.read_text(encoding="utf-8"), changes(found))
+        text = edited(path.read_text(encoding="utf-8-sig"), changes(found))
         files.write_text(path, text)
         read_robot(path)
     except OmniError:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -15,6 +14,7 @@ from omniwheel.logs.log import Array, Mask, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping
 from omniwheel.logs.spikes import reject_spikes
 from omniwheel.moved import moved
+from omniwheel.table_file import TableFormat, read_table
 
 INTEGER_TOLERANCE = 0.05
 """How far a recovered count may be from a whole number, in the median."""
@@ -56,26 +56,12 @@ class ImportSummary:
 
 
 def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
-    """Return the columns of a CSV file with a header line; LogError where a cell is no number."""
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file, delimiter=delimiter, skipinitialspace=True) if row]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise LogError(f"cannot read {path}: {error}", hint="give a CSV file with a header line") from error
-    if len(rows) < 2:
-        raise LogError(f"{path} holds no rows", hint="give a CSV file with a header line")
-    names = [name.strip() for name in rows[0]]
-    if len(names) < 2:
-        raise LogError(f"{path} has one column: {names[0]!r}", hint="set log.delimiter in the column mapping")
-    for number, row in enumerate(rows[1:], start=2):
-        if len(row) != len(names):
-            hint = "drop or repair that row" if len(row) < len(names) else "check the delimiter"
-            raise LogError(f"{path}:{number}: {len(row)} cells beside {len(names)} names", hint=hint)
-    try:
-        table = np.array(rows[1:], dtype=np.float64)
-    except ValueError as error:
-        raise LogError(f"{path}: {error}", hint="every cell must be a number") from error
-    return {name: table[:, index] for index, name in enumerate(names)}
+    """Return the columns of a CSV file with a heading line; LogError where a cell is no number."""
+    hint = "give a CSV file with a heading line, with a number in every cell; set log.delimiter in the column mapping"
+    columns = read_table(path, TableFormat(LogError, hint, delimiter=delimiter)).columns
+    if not len(next(iter(columns.values()))):
+        raise LogError(f"{path} holds no rows", hint=hint)
+    return columns
 
 
 def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping) -> Array:

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: MIT
 """Recorded streams: a CSV file with one pose per line, written by ``omni mocap record`` and replayed as it was.
 
-The header names the columns, in this order: ``taken_s``, ``arrived_s``, ``frame``, ``x_m``, ``y_m``, ``theta_rad``.
-Both times are seconds on one clock of the recording, of any origin. The frame is the stream's number of it, and theta
-counts counter-clockwise. Lines are in the order of arrival. Two more columns, ``sd_xy_m`` and ``sd_theta_rad``, say how
-good a pose is; 0: not known. Files of before do not have them.
+The heading line names the columns. Without one they are in this order: ``taken_s``, ``arrived_s``, ``frame``, ``x_m``,
+``y_m``, ``theta_rad``. Both times are seconds on one clock of the recording, of any origin. The frame is the stream's
+number of it, and theta counts counter-clockwise. Lines are in the order of arrival. Two more columns, ``sd_xy_m`` and
+``sd_theta_rad``, say how good a pose is; 0: not known. A file may be without them.
 """
 
 from __future__ import annotations
 
-import csv
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -17,17 +16,21 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
+import numpy as np
+
 from omniwheel.errors import MocapSourceError
 from omniwheel.frames import Pose
 from omniwheel.growing_file import GrowingFile
 from omniwheel.mocap.source import MocapPose
+from omniwheel.table_file import Table, TableFormat, read_table
 
 COLUMNS = ("taken_s", "arrived_s", "frame", "x_m", "y_m", "theta_rad")
 SD_COLUMNS = ("sd_xy_m", "sd_theta_rad")
 _HINT = (
-    f"the first line must be {','.join(COLUMNS)}, and may end with ,{','.join(SD_COLUMNS)}; "
+    f"the columns are {','.join(COLUMNS)}, and may be followed by {','.join(SD_COLUMNS)}; "
     "`omni mocap record` writes such files"
 )
+_FILE = TableFormat(MocapSourceError, _HINT, COLUMNS, SD_COLUMNS, delimiter=",")
 
 
 class RecordingWriter:
@@ -70,29 +73,25 @@ class RecordingWriter:
 
 def read_recording(path: Path) -> list[MocapPose]:
     """Return the poses of a recording. MocapSourceError names file, line, column and what is wrong."""
-    try:
-        with path.open(encoding="utf-8", newline="") as file:
-            rows = csv.reader(file)
-            header = tuple(word.strip() for word in next(rows, []))
-            if header not in (COLUMNS, (*COLUMNS, *SD_COLUMNS)):
-                raise MocapSourceError(f"{path}:1: these are not the columns of a recording", hint=_HINT)
-            poses = list(_poses(path, rows, header))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise MocapSourceError(f"cannot read {path}: {reason}", hint=_HINT) from error
-    if not poses:
+    table = read_table(path, _FILE)
+    if not table.lines:
         raise MocapSourceError(f"{path}: there is no pose in this recording", hint=_HINT)
-    return poses
+    return list(_poses(path, table))
 
 
-def _poses(path: Path, rows: Iterator[list[str]], columns: Sequence[str]) -> Iterator[MocapPose]:
+def _poses(path: Path, table: Table) -> Iterator[MocapPose]:
     last_s = -math.inf
-    for number, row in enumerate(rows, start=2):
-        where = f"{path}:{number}"
-        if len(row) != len(columns):
-            raise MocapSourceError(f"{where}: {len(row)} columns instead of {len(columns)}", hint=_HINT)
-        numbers = [_number(where, *pair) for pair in zip(columns, row, strict=True)]
-        taken_s, arrived_s, frame, x, y, theta, sd_xy, sd_theta = (*numbers, 0.0, 0.0)[: len(COLUMNS) + len(SD_COLUMNS)]
+    columns = table.columns
+    unknown = np.zeros(len(table.lines))
+    rows = zip(*(columns.get(name, unknown).tolist() for name in (*COLUMNS, *SD_COLUMNS)), strict=True)
+    for line, row in zip(table.lines, rows, strict=True):
+        where = f"{path}:{line}"
+        odd = next(
+            (name for name, value in zip(COLUMNS + SD_COLUMNS, row, strict=True) if not math.isfinite(value)), ""
+        )
+        if odd:
+            raise MocapSourceError(f"{where}: {odd} is not finite", hint=_HINT)
+        taken_s, arrived_s, frame, x, y, theta, sd_xy, sd_theta = row
         if min(sd_xy, sd_theta) < 0.0:
             raise MocapSourceError(f"{where}: a standard deviation is negative", hint=_HINT)
         if arrived_s < last_s or taken_s > arrived_s:
@@ -101,16 +100,6 @@ def _poses(path: Path, rows: Iterator[list[str]], columns: Sequence[str]) -> Ite
         last_s = arrived_s
         pose = Pose(x, y, math.remainder(theta, math.tau))
         yield MocapPose(pose, taken_s, arrived_s, int(frame), sd_xy, sd_theta)
-
-
-def _number(where: str, column: str, text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise MocapSourceError(f"{where}: {column} is {text!r}; a finite number is needed", hint=_HINT)
-    return value
 
 
 class RecordedSource:

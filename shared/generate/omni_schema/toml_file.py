@@ -23,7 +23,7 @@ _LARGEST = 2**64
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse the TOML file at ``path``; raise SchemaError if it cannot be read or is not TOML."""
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise SchemaError(str(path), "", "no such file; check the path") from None
     except (OSError, UnicodeDecodeError) as error:
@@ -34,7 +34,7 @@ def read_toml(path: Path) -> dict[str, Any]:
 def parse_toml(source: str, text: str) -> dict[str, Any]:
     """Parse TOML that errors say is ``source``'s; raise SchemaError if it is not TOML."""
     try:
-        document: dict[str, Any] = tomllib.loads(text)
+        document: dict[str, Any] = tomllib.loads(text.removeprefix("\ufeff"))
     except tomllib.TOMLDecodeError as error:
         raise SchemaError(source, "", f"is not valid TOML: {error}") from error
     except ValueError as error:  # a number of more digits than Python reads

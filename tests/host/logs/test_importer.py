@@ -111,7 +111,7 @@ def test_a_wrong_mapping_is_named(tmp_path: Path, files: Path, old: str, new: st
 
 
 @pytest.mark.parametrize(
-    ("cell", "told"), [("nan", "w2 is not finite"), ("", "could not convert"), ("1.0,2.0", "9 cells beside 8 names")]
+    ("cell", "told"), [("nan", "w2 is not finite"), ("", "w2 is ''"), ("1.0,2.0", "9 cells beside 8 columns")]
 )
 def test_a_bad_cell_is_named(tmp_path: Path, files: Path, mapping: Mapping, cell: str, told: str) -> None:
     lines = rows(files / "run1.csv")
@@ -123,7 +123,7 @@ def test_a_bad_cell_is_named(tmp_path: Path, files: Path, mapping: Mapping, cell
 
 
 def test_too_short_and_missing_files_are_named(tmp_path: Path, files: Path, mapping: Mapping) -> None:
-    with pytest.raises(LogError, match="cannot read"):
+    with pytest.raises(LogError, match="cannot be read"):
         import_log(tmp_path / "none.csv", mapping)
     with pytest.raises(LogError, match="at least 20"):
         import_log(changed(tmp_path, rows(files / "run1.csv")[:10]), mapping)
@@ -136,7 +136,7 @@ def test_another_delimiter_and_a_row_that_was_cut_off_are_named(tmp_path: Path, 
     with pytest.raises(LogError, match="one column") as error:
         import_log(changed(tmp_path, [line.replace(",", ";") for line in lines]), mapping)
     assert "delimiter" in error.value.hint
-    with pytest.raises(LogError, match="cells beside 8 names") as error:
+    with pytest.raises(LogError, match="cells beside 8 columns") as error:
         import_log(changed(tmp_path, [*lines[:200], lines[200][:20]]), mapping)
     assert "that row" in error.value.hint
 
@@ -168,3 +168,27 @@ def test_a_heading_that_is_frozen_while_the_wheels_are_driven_is_not_known(
     known = np.isfinite(log.heading_rad)
     assert np.array_equal(np.flatnonzero(~known), np.arange(400, 500)), "rest at both ends is known"
     assert [entry.column for entry in summary.frozen].count("alpha") == 1
+
+
+def test_a_byte_order_mark_blank_lines_and_another_order_of_the_columns_change_nothing(
+    tmp_path: Path, files: Path, mapping: Mapping
+) -> None:
+    turned = [",".join(reversed(line.split(","))) for line in rows(files / "run1.csv")]
+    path = tmp_path / "turned.csv"
+    path.write_text("\n".join([*turned[:9], "", *turned[9:], "", " ", ""]), encoding="utf-8-sig")
+    assert np.array_equal(import_log(path, mapping)[0].counts, import_log(files / "run1.csv", mapping)[0].counts)
+    marked = tmp_path / "mapping.toml"
+    marked.write_bytes(b"\xef\xbb\xbf" + (files / "mapping.toml").read_bytes() + b"\n\n")
+    assert read_mapping(marked).wheels == mapping.wheels
+
+
+def test_columns_of_one_name_and_a_file_without_names_are_refused(
+    tmp_path: Path, files: Path, mapping: Mapping
+) -> None:
+    lines = rows(files / "run1.csv")
+    names = lines[0].split(",")
+    twice = changed(tmp_path, [",".join([*names[:-1], names[0]]), *lines[1:]])
+    with pytest.raises(LogError, match=f":1: .*{names[0]}"):
+        import_log(twice, mapping)
+    with pytest.raises(LogError, match=":1: "):
+        import_log(changed(tmp_path, lines[1:]), mapping)

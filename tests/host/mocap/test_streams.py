@@ -125,8 +125,8 @@ def test_newest_drains_what_waits(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "problem"),
     [
-        ("0,0,1,0,0", "5 columns instead of 6"),
-        ("0,0,1,0,nan,0", "y_m is 'nan'"),
+        ("0,0,1,0,0", "5 cells beside 6 columns"),
+        ("0,0,1,0,nan,0", "y_m is not finite"),
         ("0,0,1,0,0,left", "theta_rad is 'left'"),
         ("2,1,1,0,0,0", "is before taken_s"),
         ("-9,-1,2,0,0,0", "comes before the line above"),
@@ -151,7 +151,7 @@ def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, text: str) -> No
 
 
 def test_a_missing_file_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(MocapSourceError, match=r"none\.csv: No such file"):
+    with pytest.raises(MocapSourceError, match=r"none\.csv: .*No such file"):
         RecordedSource(tmp_path / "none.csv")
 
 
@@ -159,3 +159,22 @@ def test_headings_are_wrapped(tmp_path: Path) -> None:
     path = tmp_path / "turns.csv"
     path.write_text(",".join(COLUMNS) + "\n0,0,0,0,0,7\n", encoding="ascii")
     assert read_recording(path)[0].pose == pytest.approx(Pose(0.0, 0.0, 7.0 - math.tau))
+
+
+@pytest.mark.parametrize("heading", [None, COLUMNS, tuple(reversed(COLUMNS)), (*SD_COLUMNS, *COLUMNS)])
+def test_the_heading_line_says_which_column_is_what(tmp_path: Path, heading: tuple[str, ...] | None) -> None:
+    path = tmp_path / "turned.csv"
+    values = dict(zip((*COLUMNS, *SD_COLUMNS), (1.0, 1.5, 3, 0.25, 0.5, 0.75, 0.0, 0.0), strict=True))
+    row = ",".join(str(values[name]) for name in heading or COLUMNS)
+    lines = [row] if heading is None else [",".join(heading), row]
+    path.write_text("\n".join([*lines, "", ""]), encoding="utf-8-sig")
+    (read,) = read_recording(path)
+    assert (read.taken_s, read.arrived_s, read.frame, *read.pose) == (1.0, 1.5, 3, 0.25, 0.5, 0.75)
+
+
+@pytest.mark.parametrize("names", [(*COLUMNS, "z_m"), (*COLUMNS[:-1], "x_m"), (*COLUMNS, SD_COLUMNS[0], "frame")])
+def test_unknown_and_doubled_columns_are_refused(tmp_path: Path, names: tuple[str, ...]) -> None:
+    path = tmp_path / "odd.csv"
+    path.write_text(",".join(names) + "\n" + ",".join("0" * len(names)) + "\n", encoding="ascii")
+    with pytest.raises(MocapSourceError, match=f":1: .*{names[-1]}"):
+        read_recording(path)

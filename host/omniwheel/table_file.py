@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: MIT
+"""Tables as CSV files: the heading line says which column is what, and every row has as many cells.
+
+Without a heading line, which is one of numbers only, the columns are in their documented order. A byte order mark and
+blank lines are passed over. Numbers have decimal points.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_schema.errors import did_you_mean
+from omniwheel.errors import OmniError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Table:
+    """The numbers of a table: an array (n,) per column, by its name, and the line of the file of each row (n,)."""
+
+    columns: dict[str, Array]
+    lines: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class TableFormat:
+    """What a table may hold, and the error that says what is wrong with it.
+
+    ``needed`` and ``optional`` are the columns in their documented order; without any, all names are allowed and there
+    has to be a heading line. ``delimiter`` None: semicolons or tabs if there are some, else commas. ``comments``: lines
+    with # are passed over.
+    """
+
+    error: type[OmniError]
+    hint: str
+    needed: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
+    delimiter: str | None = None
+    comments: bool = False
+
+    def wrong(self, text: str) -> OmniError:
+        """Return the error of a table that is not as it should be."""
+        return self.error(text, hint=self.hint)
+
+
+def read_table(path: Path, wanted: TableFormat) -> Table:
+    """Read the table of a file. Raises the error of ``wanted``, which names the line."""
+    rows = _rows(path, wanted)
+    if not rows:
+        raise wanted.wrong(f"{path} holds no rows")
+    line, first = rows[0]
+    if _is_heading(first):
+        names, rows = tuple(first), rows[1:]
+        _check_names(f"{path}:{line}", names, wanted)
+    elif wanted.needed:
+        names = _documented(f"{path}:{line}", len(first), wanted)
+    else:
+        raise wanted.wrong(f"{path}:{line}: there is no heading line that names the columns")
+    for number, row in rows:
+        if len(row) != len(names):
+            text = f"{path}:{number}: {len(row)} cells beside {len(names)} columns ({', '.join(names)})"
+            raise wanted.error(text, hint=f"drop or repair that row; {wanted.hint}")
+    numbers = [[_number(path, line, *pair, wanted) for pair in zip(names, row, strict=True)] for line, row in rows]
+    table = np.array(numbers, dtype=np.float64).reshape(len(rows), len(names))
+    return Table({name: table[:, index] for index, name in enumerate(names)}, tuple(line for line, _ in rows))
+
+
+def _rows(path: Path, wanted: TableFormat) -> list[tuple[int, list[str]]]:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        delimiter = wanted.delimiter or next((sign for sign in ";\t" if sign in text), ",")
+        reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True, strict=True)
+        rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise wanted.wrong(f"{path}: cannot be read: {reason}") from error
+    return [(line, row) for line, row in rows if any(row) and not (wanted.comments and row[0].startswith("#"))]
+
+
+def _is_heading(row: Sequence[str]) -> bool:
+    """Say whether a row names columns: there are letters in it, and no numbers."""
+    return any(re.search(r"[^\W\d_]", cell) for cell in row) and not any(_is_number(cell) for cell in row)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _check_names(where: str, names: Sequence[str], wanted: TableFormat) -> None:
+    known = (*wanted.needed, *wanted.optional)
+    twice = next((name for name, count in Counter(names).items() if count > 1), None)
+    if twice is not None:
+        raise wanted.wrong(f"{where}: two columns are named {twice!r}")
+    if not known:
+        if len(names) == 1:
+            raise wanted.wrong(f"{where}: there is one column: {names[0]!r}")
+        return
+    missing = [name for name in wanted.needed if name not in names]
+    unknown = next((name for name in names if name not in known), None)
+    if unknown is not None:
+        guess = did_you_mean(unknown, list(known))
+        raise wanted.wrong(f"{where}: there is no column {unknown!r}{guess}; the columns are {', '.join(known)}")
+    if missing:
+        raise wanted.wrong(f"{where}: the column {missing[0]} is missing; the columns are {', '.join(known)}")
+
+
+def _documented(where: str, count: int, wanted: TableFormat) -> tuple[str, ...]:
+    """Return the names of so many columns without a heading line."""
+    for names in (wanted.needed, (*wanted.needed, *wanted.optional)):
+        if count == len(names):
+            return names
+    raise wanted.wrong(f"{where}: {count} cells instead of {len(wanted.needed)} ({', '.join(wanted.needed)})")
+
+
+def _number(path: Path, line: int, column: str, text: str, wanted: TableFormat) -> float:
+    try:
+        if "_" in text:  # which Python reads as nothing
+            raise ValueError(text)
+        return float(text)
+    except ValueError:
+        raise wanted.wrong(f"{path}:{line}: {column} is {text!r}, no number with a decimal point") from None
