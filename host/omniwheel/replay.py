@@ -18,6 +18,9 @@ from omniwheel.logs.log import Array, WheelLog
 
 NO_MEASUREMENT_SD = 1e3
 """Standard deviation [m, rad] of the part of a pose fix that was not measured."""
+MOST_COUNTS = 1_000_000
+"""Counts of a wheel in one period: more are no wheel's."""
+_LARGEST_STEP = 2.0**31 - 1.0
 _START_SD = 1e-3
 _START_US = 1_000_000
 
@@ -86,6 +89,9 @@ def check_log_fits(log: WheelLog, robot: Robot) -> None:
             f"{log.name} has {log.counts_per_revolution} counts per revolution, {robot.source} {values['ENC_CPR']:.0f}",
             hint="correct encoder.counts_per_revolution or the column mapping",
         )
+    if not np.all(np.abs(np.where(log.good, log.counts_per_period, 0.0)) <= MOST_COUNTS):
+        hint = "import it again; a counter of other than 16 or 32 bits has to be unwrapped before"
+        raise LogError(f"{log.name}: a wheel counts more than {MOST_COUNTS} in one period", hint=hint)
 
 
 def replay(
@@ -245,8 +251,9 @@ class _Engine:
                 lib.omni_motor_kf_step(state, kf, voltage, 0, False)
             self.missed[wheel] += steps - 1.0
             # Rows whose count was no good are taken to have turned like this one.
-            delta = round(float(per_step[wheel] * (self.missed[wheel] + 1.0)))
-            speeds[wheel] = lib.omni_motor_kf_step(state, kf, voltage, delta, bool(good[wheel]))
+            delta = float(per_step[wheel] * (self.missed[wheel] + 1.0))
+            delta = max(-_LARGEST_STEP, min(_LARGEST_STEP, delta))  # a count that is no good may be any
+            speeds[wheel] = lib.omni_motor_kf_step(state, kf, voltage, round(delta), bool(good[wheel]))
             self.missed[wheel] = 0.0 if good[wheel] else self.missed[wheel] + 1.0
             if good[wheel] and kf.mode != lib.OMNI_KF_MODE_OFF:
                 innovation[wheel], variance[wheel] = state.innovation, state.innovation_variance

@@ -58,6 +58,8 @@ def import_command(
     tells = ", ".join(f"{value:+.2f}" for value in summary.noise_correlation)
     over = "sample" if imported.sample_s > 0.0 else "period"
     console.print(f"{out}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing")
+    if summary.truth_dropped_rows:
+        console.print(f"{truth}: {summary.truth_dropped_rows} rows dropped")
     console.print(
         f"spikes rejected per wheel: {shares}; noise left: {noise} counts per {over}, {imported.quantum_rad_s:.3g} "
         f"rad/s each; correlation with the next count's: {tells}"

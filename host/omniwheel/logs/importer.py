@@ -13,11 +13,14 @@ from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, Mask, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping
 from omniwheel.logs.spikes import reject_spikes
+from omniwheel.logs.wraps import counter_steps, signed_steps, unwrapped_clock
 from omniwheel.moved import moved
 from omniwheel.table_file import TableFormat, read_table
 
 INTEGER_TOLERANCE = 0.05
 """How far a recovered count may be from a whole number, in the median."""
+MOST_DROPPED = 0.05
+"""Share of the rows that may be left out because their time does not rise: a repeated row now and then."""
 MAX_TURN_RAD_S = 20.0
 """A heading that changes faster than this has been restarted."""
 
@@ -47,6 +50,7 @@ class ImportSummary:
 
     rows: int
     dropped_rows: int
+    truth_dropped_rows: int
     missing_rows: int
     rejected_share: tuple[float, ...]
     heading_restarts_s: tuple[float, ...]
@@ -75,26 +79,29 @@ def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping) 
     return values
 
 
-def read_truth(path: Path, mapping: Mapping) -> Truth:
-    """Read ground truth with the mapping's [truth] columns; rows whose clock does not rise are left out."""
+def read_truth(path: Path, mapping: Mapping) -> tuple[Truth, int]:
+    """Read ground truth with the mapping's [truth] columns, and how many rows were left out: their clock is not ahead.
+
+    Raises LogError.
+    """
     wanted = mapping.truth
     if wanted is None:
         raise LogError(f"{mapping.source} has no [truth]", hint="say which columns hold time, x and y")
     columns = read_columns(path, mapping.delimiter)
-    time = _column(path, columns, wanted.time, mapping) * wanted.time_unit
+    time = unwrapped_clock(_column(path, columns, wanted.time, mapping) * wanted.time_unit)
     xy = np.stack([_column(path, columns, name, mapping) * wanted.unit for name in (wanted.x, wanted.y)], axis=1)
     theta = np.full(len(time), np.nan)
     if wanted.theta:
         theta = _column(path, columns, wanted.theta, mapping) * wanted.theta_unit
-    rises = _rising(time)
-    return Truth(time[rises], xy[rises], theta[rises])
+    rises = _rising(path, time)
+    return Truth(time[rises], xy[rises], theta[rises]), int(np.sum(~rises))
 
 
 def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportSummary]:
     """Read a CSV log (and its truth) and reject its spikes. Raises LogError that names file, row and column."""
     columns = read_columns(path, mapping.delimiter)
-    time = _column(path, columns, mapping.time, mapping) * mapping.time_unit
-    keep = _rising(time)
+    time = unwrapped_clock(_column(path, columns, mapping.time, mapping) * mapping.time_unit)
+    keep = _rising(path, time)
     wheels = np.stack([_column(path, columns, name, mapping) for name in mapping.wheels], axis=1)[keep]
     duty = np.zeros_like(wheels)
     if mapping.duty:
@@ -112,7 +119,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         heading, restarts = unwrap_heading(raw_heading * mapping.heading_unit * mapping.heading_sign, step)
         driven = np.any(duty != 0.0, axis=1) if mapping.duty else np.ones(len(duty), dtype=bool)
         heading[frozen_rows(raw_heading, time[keep], driven, mapping.period_s)] = np.nan
-    counts = _counts(path, wheels * np.array(mapping.wheel_sign), step, mapping)
+    counts = _counts(path, wheels, step, mapping) * np.array(mapping.wheel_sign)
+    known_truth, truth_dropped = (None, 0) if truth is None else read_truth(truth, mapping)
     log = WheelLog(
         name=path.stem,
         period_s=mapping.period_s,
@@ -122,7 +130,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         good=np.ones(counts.shape, dtype=bool),
         duty=duty,
         heading_rad=heading,
-        truth=None if truth is None else read_truth(truth, mapping),
+        truth=known_truth,
         sample_s=mapping.sample_s,
         noise_rad_s=mapping.noise_rad_s,
     )
@@ -130,6 +138,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
     summary = ImportSummary(
         rows=len(log.time_s),
         dropped_rows=int(np.sum(~keep)),
+        truth_dropped_rows=truth_dropped,
         missing_rows=int(np.sum(np.maximum(np.round(step / mapping.period_s) - 1.0, 0.0))),
         rejected_share=tuple(float(share) for share in 1.0 - good.mean(axis=0)),
         heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
@@ -175,10 +184,19 @@ def _frozen(values: Array, time_s: Array) -> list[tuple[int, int]]:
     return [(int(first), int(last)) for first, last in zip(firsts[long], lasts[long], strict=True)]
 
 
-def _rising(time: Array) -> Mask:
-    """Mask of the rows whose time is later than every one before."""
+def _rising(path: Path, time: Array) -> Mask:
+    """Mask of the rows whose time is later than every one before. Raises LogError where many are not."""
     before = np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
-    return np.asarray(time > before)
+    rises = np.asarray(time > before)
+    if np.mean(~rises) > MOST_DROPPED:
+        back = np.diff(time)
+        row = int(np.argmin(back))
+        raise LogError(
+            f"{path}: {np.sum(~rises)} of {len(time)} rows are not later than those before them; row {row + 2} goes "
+            f"back from {time[row]:.3f} to {time[row + 1]:.3f} s",
+            hint="if the logger was restarted, cut the file there and import each part; else correct the clock's unit",
+        )
+    return rises
 
 
 def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
@@ -189,9 +207,9 @@ def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
     sampled = mapping.sample_s > 0.0
     steps = 1.0 if sampled else np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
     if mapping.quantity == "counts":
-        return np.diff(wheels, axis=0, prepend=wheels[:1])
+        return counter_steps(wheels)
     if mapping.quantity == "increment":
-        return wheels
+        return signed_steps(wheels)
     rad_per_count = 2.0 * np.pi / mapping.counts_per_revolution
     exact = wheels * mapping.wheel_unit * (mapping.sample_s if sampled else mapping.period_s) / rad_per_count
     whole = np.round(exact)
