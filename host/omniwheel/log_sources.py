@@ -12,16 +12,18 @@ from omni_schema import Robot
 from omniwheel.dialect import Message
 from omniwheel.errors import LogError
 from omniwheel.frames import flip
-from omniwheel.identification.sources import from_messages, read_messages
+from omniwheel.identification.sources import from_messages, read_part
 from omniwheel.limits import LOG_KINDS
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
-from omniwheel.logs.run_folder import load_run
+from omniwheel.logs.run_folder import DRIVE_TLOG, SUMMARY_FILE, load_run
 
 
 def open_log(path: Path, robot: Robot, mapping: Path | None = None, truth: Path | None = None) -> WheelLog:
     """Read a log of any kind; ``robot`` says what our own formats leave out. Raises LogError, SchemaError."""
+    if (path / DRIVE_TLOG).is_file() and not (path / SUMMARY_FILE).is_file():
+        path = path / DRIVE_TLOG
     if path.is_dir():
         return read_run(path)
     if not path.is_file():
@@ -57,12 +59,14 @@ def read_run(folder: Path) -> WheelLog:
 def read_tlog(path: Path, robot: Robot) -> WheelLog:
     """Read a telemetry log: counts and voltages of OMNI_SAMPLE, else the speeds and duties of OMNI_WHEELS.
 
-    Truth are the pose fixes with the robot's time, else the robot's own estimate (OMNI_TRACKING). Raises LogError.
+    Truth are the pose fixes with the robot's time, else the robot's own estimate (OMNI_TRACKING). Of a log with a
+    restart in it the longest part is read, as the log's name then says. Raises LogError.
     """
-    messages = read_messages(path)
+    messages, note = read_part(path)
+    name = f"{path.stem} ({note})" if note else path.stem
     truth = _fixes(messages) or _estimates(messages)
     if any(message.get_type() == "OMNI_SAMPLE" for message in messages):
-        return _from_samples(path, messages, robot, truth)
+        return _from_samples(name, messages, robot, truth)
     wheels = {m.time_boot_ms: m for m in messages if m.get_type() == "OMNI_WHEELS"}
     if len(wheels) < MIN_ROWS:
         hint = "record with OMNI_SAMPLE (omni identify live --log) or OMNI_WHEELS (omni params set SR1_WHEELS=50)"
@@ -71,20 +75,20 @@ def read_tlog(path: Path, robot: Robot) -> WheelLog:
     values = robot.parameter_values()
     duty = np.array([row.duty for row in rows])[:, : robot.wheels] * _directions(values, robot.wheels)
     speed = np.array([row.speed for row in rows])[:, : robot.wheels]
-    return _from_speeds(path.stem, round(values["ENC_CPR"]), 1e-3 * np.array(sorted(wheels)), speed, duty, truth)
+    return _from_speeds(name, round(values["ENC_CPR"]), 1e-3 * np.array(sorted(wheels)), speed, duty, truth)
 
 
 def _directions(values: Mapping[str, float], wheels: int) -> Array:
     return np.array([values[f"W{wheel + 1}_MOT_DIR"] for wheel in range(wheels)])
 
 
-def _from_samples(path: Path, messages: Sequence[Message], robot: Robot, truth: Truth | None) -> WheelLog:
+def _from_samples(name: str, messages: Sequence[Message], robot: Robot, truth: Truth | None) -> WheelLog:
     values = robot.parameter_values()
-    data = from_messages(messages, str(path), values)
+    data = from_messages(messages, name, values)
     angle = data.wheel_angle_rad if data.wheel_angle_rad is not None else np.zeros_like(data.voltage_V)
     counts = np.round(angle * values["ENC_CPR"] / (2.0 * np.pi))
     return WheelLog(
-        name=path.stem,
+        name=name,
         period_s=data.period_s,
         counts_per_revolution=round(values["ENC_CPR"]),
         time_s=data.time_s,

@@ -221,7 +221,10 @@ def simulate(
 def _read(path: Path, base: RobotFile) -> Dataset:
     from omniwheel.identification.sources import read_dataset
 
-    return read_dataset(path, base.parameter_values())
+    data = read_dataset(path, base.parameter_values())
+    if data.name != str(path):
+        note(data.name)
+    return data
 
 
 def _known(

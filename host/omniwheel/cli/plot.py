@@ -74,6 +74,9 @@ def _plot_log(log: Path, out: Path | None, json_wanted: bool) -> None:
     draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)
     if json_wanted:
         document = {"picture": str(target), "numbers": record.numbers(), "events": len(record.events)}
+        document |= {"notes": list(record.notes)}
         print_json(with_old_key(document, "picture"))
     else:
         console.print(f"{target}: {in_words(record.numbers())}")
+        for note in record.notes:
+            console.print(f"[yellow]{note}[/]")

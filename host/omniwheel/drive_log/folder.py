@@ -17,11 +17,11 @@ from omniwheel.drive_log.picture import draw_telemetry
 from omniwheel.drive_log.record import TelemetryRecord, read_record
 from omniwheel.errors import LogError, OmniError, OutputFileError
 from omniwheel.link import parse_url
-from omniwheel.logs.run_folder import new_run_folder
+from omniwheel.logs.run_folder import DRIVE_TLOG, new_run_folder
 from omniwheel.robot import Robot
 from omniwheel.tlog import TlogWriter
 
-DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", "telemetry.tlog", "run.png"
+DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", DRIVE_TLOG, "run.png"
 BEFORE_FILE, AFTER_FILE = "parameters.toml", "parameters_after.toml"
 SLOW_BAUD = 57_600
 """Below this, reading all parameters would hold the drive up for many seconds: those that are known are kept."""

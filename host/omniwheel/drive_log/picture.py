@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omniwheel import files
-from omniwheel.drive_log.record import TelemetryRecord
+from omniwheel.drive_log.record import Array, TelemetryRecord
 from omniwheel.plot_style import GREY, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 
 MOST_MARKS = 12
@@ -52,9 +53,15 @@ def in_words(numbers: Mapping[str, float | None]) -> str:
     )
 
 
+def _parted(rows: Array, borders: NDArray[np.int64]) -> Array:
+    """Return rows with a gap before each part of the log, for a line that does not go across."""
+    return np.insert(rows, borders[borders < len(rows)], np.nan, axis=0)
+
+
 def _draw_path(axes: Any, record: TelemetryRecord) -> None:
-    axes.plot(*record.reference[:, :2].T, color=WANTED, linewidth=4.0, alpha=0.55, label="wanted")
-    axes.plot(*record.pose[:, :2].T, color=TRUTH, linewidth=1.2, label="the robot's estimate")
+    borders = record.borders(record.time_s)
+    axes.plot(*_parted(record.reference[:, :2], borders).T, color=WANTED, linewidth=4.0, alpha=0.55, label="wanted")
+    axes.plot(*_parted(record.pose[:, :2], borders).T, color=TRUTH, linewidth=1.2, label="the robot's estimate")
     if len(record.pose):
         axes.plot(*record.pose[0, :2], "o", color=INK, label="start")
     axes.set_aspect("equal", adjustable="datalim")
@@ -63,7 +70,9 @@ def _draw_path(axes: Any, record: TelemetryRecord) -> None:
 
 
 def _draw_errors(position: Any, heading: Any, record: TelemetryRecord, start: float) -> None:
-    times, error = record.time_s - start, record.pose - record.reference
+    borders = record.borders(record.time_s)
+    times = _parted(record.time_s - start, borders)
+    error = _parted(record.pose - record.reference, borders)
     position.plot(times, 1e3 * error[:, 0], color=TRUTH, label="x")
     position.plot(times, 1e3 * error[:, 1], color=WANTED, label="y")
     position.set(title="Estimate minus reference", ylabel="position [mm]")
@@ -73,11 +82,13 @@ def _draw_errors(position: Any, heading: Any, record: TelemetryRecord, start: fl
 
 
 def _draw_wheels(speed: Any, duty: Any, record: TelemetryRecord, start: float) -> None:
-    times = record.wheel_time_s - start
+    borders = record.borders(record.wheel_time_s)
+    times = _parted(record.wheel_time_s - start, borders)
+    wanted, turned, driven = (_parted(rows, borders) for rows in (record.wanted, record.speed, record.duty))
     for wheel, colour in zip(range(record.wheels), WHEEL_COLOURS, strict=False):
-        speed.plot(times, record.wanted[:, wheel], color=GREY, linewidth=0.8)
-        speed.plot(times, record.speed[:, wheel], color=colour, linewidth=1.0, label=f"wheel {wheel + 1}")
-        duty.plot(times, record.duty[:, wheel], color=colour, linewidth=1.0)
+        speed.plot(times, wanted[:, wheel], color=GREY, linewidth=0.8)
+        speed.plot(times, turned[:, wheel], color=colour, linewidth=1.0, label=f"wheel {wheel + 1}")
+        duty.plot(times, driven[:, wheel], color=colour, linewidth=1.0)
     speed.set(title="Wheels, and in grey what was asked of them", ylabel="speed [rad/s]")
     speed.legend(loc="upper right", ncols=4)
     duty.set_ylabel("duty")

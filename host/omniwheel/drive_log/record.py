@@ -4,8 +4,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass
+from array import array
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +15,12 @@ from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
 from omniwheel.errors import DatasetError, LogError
-from omniwheel.identification.sources import read_messages
+from omniwheel.identification.sources import iterate_messages
 from omniwheel.telemetry import Control, Heartbeat, Status, StatusText, Tracking, Wheels, decode
+from omniwheel.tlog_reader import ROBOT_COMPONENT, RobotClock, TlogReader
 
 Array = NDArray[np.float64]
 FULL_DUTY = 0.99
-ROBOT_COMPONENT = 1
-"""MAV_COMP_ID_AUTOPILOT1, as which the firmware sends."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,8 @@ class TelemetryRecord:
     ``pose`` and ``reference``: rows of x [m], y [m], theta [rad, not wrapped], at ``time_s``. ``speed``, ``wanted``
     [rad/s] and ``duty`` -1..1: rows per wheel at ``wheel_time_s``. ``fixes``: rows of time, x, y, theta as they were
     sent with the robot's time. ``events``: what happened, in words. ``stops``: names of the faults that stopped it.
+    ``starts``: times between the parts of the log, because the robot restarted or nothing was heard of it. No number is
+    taken across. After a restart the clock goes on a second later here. ``notes``: what has to be said of the log.
     """
 
     time_s: Array
@@ -41,6 +43,8 @@ class TelemetryRecord:
     duty: Array
     events: tuple[tuple[float, str], ...]
     stops: tuple[str, ...]
+    starts: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @property
     def wheels(self) -> int:
@@ -48,14 +52,19 @@ class TelemetryRecord:
         used = np.any((self.speed != 0.0) | (self.duty != 0.0), axis=0) if len(self.speed) else np.zeros(4, dtype=bool)
         return int(np.max(np.flatnonzero(used))) + 1 if used.any() else 3
 
+    def borders(self, times: Array) -> NDArray[np.int64]:
+        """Return the rows of some of its times at which another part begins."""
+        return np.unique(np.searchsorted(times, np.array(self.starts)))
+
     def numbers(self) -> dict[str, float | None]:
         """Return how the drive was; None where nothing was recorded that says so."""
         error = self.pose - self.reference
-        steps = np.hypot(*np.diff(self.pose[:, :2], axis=0).T) if len(self.pose) > 1 else np.zeros(0)
-        times = np.diff(self.time_s)
+        joined = np.setdiff1d(np.arange(len(self.time_s) - 1), self.borders(self.time_s) - 1)
+        steps = np.hypot(*np.diff(self.pose[:, :2], axis=0).T)[joined] if len(joined) else np.zeros(0)
+        times = np.diff(self.time_s)[joined] if len(joined) else np.zeros(0)
         speeds = steps[times > 0.0] / times[times > 0.0]
         return {
-            "duration_s": float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) > 1 else None,
+            "duration_s": float(np.sum(times)) if len(times) else None,
             "way_m": float(np.sum(steps)) if len(steps) else None,
             "position_rmse_m": _rms(np.hypot(error[:, 0], error[:, 1])),
             "heading_rmse_rad": _rms(error[:, 2]),
@@ -72,57 +81,84 @@ def _rms(values: Array) -> float | None:
 
 def read_record(path: Path) -> TelemetryRecord:
     """Read a telemetry log (.tlog). Raises LogError if it is none, or holds neither poses nor wheels."""
+    reader = TlogReader(path)
     try:
-        record = record_of(read_messages(path))
+        record = record_of(iterate_messages(reader))
     except DatasetError as error:
         raise LogError(str(error), hint="give a .tlog file, as `omni record` and `omni drive` write it") from error
     if not len(record.time_s) and not len(record.wheel_time_s):
         raise LogError(f"{path} holds neither OMNI_TRACKING nor OMNI_WHEELS", hint="is it a log of another robot?")
-    return record
+    return replace(record, notes=(*record.notes, reader.note())) if reader.skipped else record
 
 
 def record_of(messages: Iterable[Message]) -> TelemetryRecord:
     """Return the record of messages in the order in which they came."""
-    tracking: dict[float, Tracking] = {}
-    wheels: dict[float, Wheels] = {}
-    watcher = EventWatcher()
+    tracking, wheels = _Rows(1 + 3 + 3), _Rows(1 + 3 * 4)
+    watcher, clock, system, others = EventWatcher(), RobotClock(), 0, set()
     for message in messages:
         placed, turned = decode(Tracking, message), decode(Wheels, message)
-        if placed is not None:
-            tracking[placed.time_s] = placed
-            watcher.now_s = placed.time_s
-        elif turned is not None:
-            wheels[turned.time_s] = turned
-            watcher.now_s = turned.time_s
+        told = placed or turned
+        if told is not None:
+            system = system or message.get_srcSystem()
+            if message.get_srcSystem() != system:
+                others.add(message.get_srcSystem())
+                continue
+            parts = len(clock.starts)
+            watcher.now_s = time_s = clock.follow(told.time_s)
+            watcher.events += clock.starts[parts:]
+            if placed is not None:
+                tracking.add(time_s, placed.pose, placed.reference)
+            elif turned is not None:
+                wheels.add(time_s, turned.speed_rad_s, turned.reference_rad_s, turned.duty)
         else:
             watcher.take(message)
-    poses = [tracking[time] for time in sorted(tracking)]
-    rows = [wheels[time] for time in sorted(wheels)]
-    pose = _unwrapped(poses, "pose")
-    reference = _unwrapped(poses, "reference")
-    if len(poses):
-        reference[:, 2] += 2.0 * math.pi * np.round((pose[0, 2] - reference[0, 2]) / (2.0 * math.pi))
-    return TelemetryRecord(
-        time_s=np.array(sorted(tracking)),
-        pose=pose,
-        reference=reference,
-        wheel_time_s=np.array(sorted(wheels)),
-        speed=_rows(rows, "speed_rad_s"),
-        wanted=_rows(rows, "reference_rad_s"),
-        duty=_rows(rows, "duty"),
+    poses, turns = tracking.in_order(), wheels.in_order()
+    notes = [f"another part of the log begins at {time_s:.1f} s: {why}" for time_s, why in clock.starts]
+    notes += [f"what robot {number} says is left out" for number in sorted(others)]
+    record = TelemetryRecord(
+        time_s=poses[:, 0],
+        pose=poses[:, 1:4],
+        reference=poses[:, 4:7],
+        wheel_time_s=turns[:, 0],
+        speed=turns[:, 1:5],
+        wanted=turns[:, 5:9],
+        duty=turns[:, 9:13],
         events=tuple(watcher.events),
         stops=tuple(watcher.stops),
+        starts=tuple(time_s for time_s, _ in clock.starts),
+        notes=tuple(notes),
     )
+    for rows in np.split(np.arange(len(poses)), record.borders(record.time_s)):
+        _unwrap(record.pose, record.reference, rows)
+    return record
 
 
-def _rows(items: list[Any], name: str, width: int = 4) -> Array:
-    return np.array([getattr(item, name) for item in items], dtype=float).reshape(len(items), width)
+class _Rows:
+    """Rows of numbers that came one by one, of which the first is the time."""
+
+    def __init__(self, width: int) -> None:
+        self._width = width
+        self._numbers = array("d")
+
+    def add(self, time_s: float, *parts: Sequence[float]) -> None:
+        self._numbers.append(time_s)
+        for part in parts:
+            self._numbers.extend(part)
+
+    def in_order(self) -> Array:
+        """Return the rows in the order of time; the latest of those of one time."""
+        table = np.frombuffer(self._numbers, dtype=np.float64).reshape(-1, self._width)
+        table = table[np.argsort(table[:, 0], kind="stable")]
+        return table[np.diff(table[:, 0], append=np.inf) > 0.0]
 
 
-def _unwrapped(poses: list[Tracking], name: str) -> Array:
-    rows = _rows(poses, name, 3)
-    rows[:, 2] = np.unwrap(rows[:, 2])
-    return rows
+def _unwrap(pose: Array, reference: Array, rows: NDArray[np.int64]) -> None:
+    """Have the headings of some rows go on beyond half a turn, the reference's beside the estimate's."""
+    if not len(rows):
+        return
+    pose[rows, 2], reference[rows, 2] = np.unwrap(pose[rows, 2]), np.unwrap(reference[rows, 2])
+    off = pose[rows[0], 2] - reference[rows[0], 2]
+    reference[rows, 2] += 2.0 * math.pi * np.round(off / (2.0 * math.pi))
 
 
 class EventWatcher:

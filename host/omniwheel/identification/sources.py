@@ -7,21 +7,20 @@ sampled at 50 Hz of a loop at 1 kHz says little of the mean voltage.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message
 from omniwheel.errors import DatasetError
 from omniwheel.frames import flip
 from omniwheel.identification.dataset import Dataset
 from omniwheel.telemetry import Sample, decode
+from omniwheel.tlog_reader import TlogReader, longest_part
 
 Array = NDArray[np.float64]
-STAMP_BYTES = 8
 WRAP = 2.0**32
 VOLT_SECONDS_PER_UNIT = 1e-6
 MIN_SAMPLES = 3
@@ -31,29 +30,32 @@ HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz 
 def read_dataset(path: Path, parameters: Mapping[str, float]) -> Dataset:
     """Return the dataset of a telemetry log; ``parameters`` of the robot: wheels, encoder and directions.
 
-    Raises DatasetError.
+    Of a log with a restart in it that of its longest part, as the dataset's name says. Raises DatasetError.
     """
-    return from_messages(read_messages(path), str(path), parameters)
+    messages, note = read_part(path)
+    return from_messages(messages, f"{path} ({note})" if note else str(path), parameters)
+
+
+def iterate_messages(reader: TlogReader) -> Iterator[Message]:
+    """Give the messages of a telemetry log in their order. Raises DatasetError."""
+    try:
+        yield from reader
+    except OSError as error:
+        raise DatasetError(f"{reader.path}: {error.strerror}", hint="give a .tlog file") from error
+    if not reader.frames:
+        raise DatasetError(f"{reader.path} is no telemetry log: there is no MAVLink frame in it", hint=HINT)
 
 
 def read_messages(path: Path) -> list[Message]:
     """Return the messages of a telemetry log in their order. Raises DatasetError."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DatasetError(f"{path}: {error.strerror}", hint="give a .tlog file") from error
-    codec: Any = mavlink.MAVLink(None)
-    codec.robust_parsing = True
-    messages: list[Message] = []
-    place = 0
-    while place + STAMP_BYTES + 2 < len(data):
-        frame = place + STAMP_BYTES
-        if data[frame] != mavlink.PROTOCOL_MARKER_V2:
-            raise DatasetError(f"{path} is no telemetry log: no MAVLink 2 frame at byte {frame}", hint=HINT)
-        signature = 13 if data[frame + 2] & mavlink.MAVLINK_IFLAG_SIGNED else 0
-        place = frame + 12 + data[frame + 1] + signature
-        messages += codec.parse_buffer(data[frame:place]) or []
-    return messages
+    return list(iterate_messages(TlogReader(path)))
+
+
+def read_part(path: Path) -> tuple[list[Message], str]:
+    """Return the messages of a log's longest part without a restart, and what was left out. Raises DatasetError."""
+    reader = TlogReader(path)
+    messages, note = longest_part(iterate_messages(reader))
+    return messages, "; ".join(part for part in (note, reader.note()) if part)
 
 
 def from_messages(messages: Iterable[Message], name: str, parameters: Mapping[str, float]) -> Dataset:

@@ -15,6 +15,8 @@ from omniwheel.npz_file import read_npz
 
 SUMMARY_FILE = "summary.json"
 RECORD_FILE = "record.npz"
+DRIVE_TLOG = "telemetry.tlog"
+"""The telemetry log in the folder of a robot's drive."""
 
 
 def new_run_folder(root: Path, name: str) -> Path:

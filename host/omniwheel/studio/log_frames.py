@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.dialect import Message, mavlink
-from omniwheel.drive_log.record import ROBOT_COMPONENT
 from omniwheel.studio.signals import KINDS, parts_of, signals_of, values
 from omniwheel.telemetry import Control, Fix, Telemetry, Tracking, Wheels
+from omniwheel.tlog_reader import ROBOT_COMPONENT
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -41,6 +41,7 @@ class Clock:
 
     now_s: float | None = None
     offset_s: float = 0.0
+    restarts_s: tuple[float, ...] = ()
 
     def follow(self, robot_s: Array) -> Array:
         """Return times that go on, for the robot's times in the order in which they were recorded."""
@@ -53,6 +54,7 @@ class Clock:
             for place, robot in enumerate(robot_s):
                 if robot + self.offset_s < now_s - GAP_S:
                     self.offset_s = now_s + GAP_S - float(robot)
+                    self.restarts_s += (now_s + GAP_S,)
                 time_s[place] = robot + self.offset_s
                 now_s = max(now_s, float(time_s[place]))
         self.now_s = max(now_s, float(np.max(time_s)))

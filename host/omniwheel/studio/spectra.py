@@ -16,6 +16,8 @@ from omniwheel.studio.samples import CAPACITY, Trace
 LEAST_SAMPLES = 16
 MOST_SAMPLES = 2 * CAPACITY
 """With those that stand for missing ones."""
+LONGEST_GAP_S, LONGEST_GAP = 0.9, 20.0
+"""A gap of more than both, the second in samples, is not filled. A restart leaves one of a second."""
 MOST_LINES = 1000
 """Of a spectrum. Where there are more, the largest of neighbours is kept."""
 
@@ -61,6 +63,10 @@ def spectrum(trace: Trace) -> Spectrum:
     if count > MOST_SAMPLES:
         hint = "choose a stretch without long gaps"
         raise TooFewSamplesError(f"{trace.key} has too few samples for {time_s[-1] - time_s[0]:.0f} s", hint=hint)
+    gap_s = float(np.max(np.diff(time_s)))
+    if gap_s > max(LONGEST_GAP_S, LONGEST_GAP * step_s):
+        text = f"{trace.key} has a gap of {gap_s:.1f} s here: the robot restarted, or nothing was heard of it"
+        raise TooFewSamplesError(text, hint="choose a stretch without long gaps")
     even_s = time_s[0] + step_s * np.arange(count)
     value = np.interp(even_s, time_s, trace.value[keep].astype(np.float64))
     value = value - np.polyval(np.polyfit(even_s - even_s[0], value, 1), even_s - even_s[0])

@@ -56,7 +56,8 @@ def test_a_clock_that_wraps_loses_no_row(tmp_path: Path, unit: str, per_s: float
 def test_a_counter_that_wraps_counts_on(tmp_path: Path, bits: int, signed: bool, quantity: str) -> None:
     running = np.cumsum(STEPS, axis=0) + 2.0 ** (bits - signed) - 900.0 if quantity == "counts" else STEPS
     low = -(2.0 ** (bits - 1)) if signed else 0.0
-    log = imported(tmp_path, 1e3 * TIME_S, np.mod(running - low, 2.0**bits) + low, "ms", quantity)
+    wrapped: Array = np.asarray(np.mod(running - low, 2.0**bits) + low, dtype=np.float64)
+    log = imported(tmp_path, 1e3 * TIME_S, wrapped, "ms", quantity)
     assert np.array_equal(log.counts, STEPS * np.array([1.0, -1.0, 1.0]))
 
 

@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""Reads telemetry logs (``.tlog``) record by record, passes over what is no record, and finds where a robot restarted.
+
+The memory it needs does not grow with the log.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from omniwheel.dialect import Message, mavlink
+
+STAMP = 8
+_CHUNK = 1 << 20
+_LONGEST = STAMP + 10 + 255 + 2 + 13
+_MARKERS = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
+ROBOT_COMPONENT = 1
+"""MAV_COMP_ID_AUTOPILOT1, as which the firmware sends."""
+LATE_S = 1.0
+"""A radio may bring a message so late. What lies further back is of a clock that began again."""
+SILENT_S = 5.0
+"""After so long without the robot's time, nothing is known of what was between."""
+RESTARTED = "the robot restarted"
+WRAP_S = 2.0**32 * 1e-3
+_TIMED = {
+    "OMNI_TRACKING": ("time_boot_ms", 1e-3),
+    "OMNI_WHEELS": ("time_boot_ms", 1e-3),
+    "OMNI_SAMPLE": ("time_us", 1e-6),
+}
+
+
+@dataclass
+class TlogReader:
+    """Iterates over the messages of a log in their order; afterwards ``skipped`` says how many bytes are no record.
+
+    Frames of MAVLink 1 and 2 are read. Frames with a wrong checksum are skipped. Raises OSError.
+    """
+
+    path: Path
+    skipped: int = 0
+    frames: int = 0
+
+    def __iter__(self) -> Iterator[Message]:
+        self.skipped = self.frames = 0
+        codec = mavlink.MAVLink(None)
+        data, at, ended = b"", 0, False
+        with self.path.open("rb") as file:
+            while True:
+                if not ended and len(data) - at < 2 * _LONGEST:
+                    more = file.read(_CHUNK)
+                    ended = not more
+                    data, at = data[at:] + more, 0
+                    continue
+                if at >= len(data):
+                    return
+                message, end = _record(codec, data, at, ended)
+                if message is None:
+                    self.skipped += end - at
+                else:
+                    self.frames += 1
+                    yield message
+                at = end
+
+    def note(self) -> str:
+        """Say what was skipped; "" if nothing."""
+        return f"{self.skipped} bytes are no MAVLink frames and were skipped" if self.skipped else ""
+
+
+def _record(codec: mavlink.MAVLink, data: bytes, at: int, ended: bool) -> tuple[Message | None, int]:
+    """Return the message of the record at a place and where it ends; without one, where the next may begin."""
+    frame = at + STAMP
+    end = _frame_end(data, frame)
+    if 0 < end <= len(data):
+        try:
+            message: Message = codec.decode(bytearray(data[frame:end]))
+        except mavlink.MAVError:
+            message = None  # type: ignore[assignment]
+        follows = end + STAMP
+        sure = data[follows] in _MARKERS if follows < len(data) else ended and end == len(data)
+        if message is not None and (sure or not _is_unknown(message)):
+            return message, end
+        if sure:
+            return None, end
+    found = [place for marker in _MARKERS if (place := data.find(marker, frame + 1)) >= 0]
+    place = min(found) - STAMP if found else len(data) if ended else len(data) - STAMP
+    return None, max(place, at + 1)
+
+
+def _is_unknown(message: Message) -> bool:
+    """Say whether a message is of no dialect that we know: its checksum cannot be looked at."""
+    return message.get_type().startswith("UNKNOWN_")
+
+
+def _frame_end(data: bytes, frame: int) -> int:
+    """Return where a frame ends, or 0 if none begins there."""
+    if frame + 3 > len(data) or data[frame] not in _MARKERS:
+        return 0
+    if data[frame] == mavlink.PROTOCOL_MARKER_V1:
+        return frame + 8 + data[frame + 1]
+    if data[frame + 2] & ~mavlink.MAVLINK_IFLAG_SIGNED:  # a flag that nobody knows: the frame's form is another one
+        return 0
+    return frame + 12 + data[frame + 1] + (13 if data[frame + 2] else 0)
+
+
+@dataclass
+class RobotClock:
+    """The robot's clock over a log: goes on where its 32 bits wrap, and where the robot restarted and it began again.
+
+    ``starts`` are times between the parts of the log, with what happened there, in words: nothing may be differentiated
+    or integrated across.
+    """
+
+    newest_s: float | None = None
+    offset_s: float = 0.0
+    starts: list[tuple[float, str]] = field(default_factory=list)
+
+    def follow(self, robot_s: float) -> float:
+        """Return the log's time for the next of the robot's times."""
+        time_s = robot_s + self.offset_s
+        if self.newest_s is None:
+            self.newest_s = time_s
+        if time_s < self.newest_s - LATE_S:
+            if abs(time_s + WRAP_S - self.newest_s) < SILENT_S:
+                self.offset_s += WRAP_S
+                time_s += WRAP_S
+            else:
+                self.offset_s += self.newest_s + LATE_S - time_s
+                time_s = self.newest_s + LATE_S
+                self.starts.append((self.newest_s + 0.5 * LATE_S, RESTARTED))
+        elif time_s > self.newest_s + SILENT_S:
+            silent = f"nothing was heard of the robot for {time_s - self.newest_s:.1f} s"
+            self.starts.append((0.5 * (self.newest_s + time_s), silent))
+        self.newest_s = max(self.newest_s, time_s)
+        return time_s
+
+
+def robot_time_s(message: Message) -> float | None:
+    """Return the robot's time of what it tells regularly of its motion; None of any other message."""
+    name, unit = _TIMED.get(message.get_type(), ("", 0.0))
+    return float(getattr(message, name)) * unit if name and message.get_srcComponent() == ROBOT_COMPONENT else None
+
+
+def longest_part(messages: Iterable[Message]) -> tuple[list[Message], str]:
+    """Return the messages of a log's longest part, and which of how many it is; "" if there is one.
+
+    If several robots are in the log, the first one is taken, and what others said of their motion is left out.
+    """
+    clock = RobotClock()
+    system = 0
+    parts: list[list[Message]] = [[]]
+    ends: list[float] = [0.0]
+    begins: list[float] = [0.0]
+    for message in messages:
+        robot_s = robot_time_s(message)
+        if robot_s is not None:
+            system = system or message.get_srcSystem()
+            if message.get_srcSystem() != system:
+                continue
+            first = clock.newest_s is None
+            time_s = clock.follow(robot_s)
+            if first:
+                begins[0] = time_s
+            if len(clock.starts) == len(parts):
+                parts.append([])
+                begins.append(time_s)
+                ends.append(time_s)
+            ends[-1] = max(ends[-1], time_s)
+        parts[-1].append(message)
+    lasts = [end - begin for begin, end in zip(begins, ends, strict=True)]
+    longest = lasts.index(max(lasts))
+    if len(parts) == 1:
+        return parts[0], ""
+    return parts[longest], f"part {longest + 1} of {len(parts)}, {lasts[longest]:.1f} s: {clock.starts[0][1]}"
