@@ -42,6 +42,14 @@ _BAD_PATHS = (
 """What somebody else than the disk has to put right: bad input."""
 
 
+def home() -> Path | None:
+    """Return the user's folder; None for a user without one, as in a container."""
+    try:
+        return Path.home()
+    except RuntimeError:
+        return None
+
+
 def write_bytes(path: Path | str, content: bytes) -> None:
     """Write a file; an existing one is replaced only once the new one is whole. Raises OutputFileError."""
     with replaced(path) as file:

@@ -4,7 +4,25 @@
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
+
+_TYPED = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|[-+]?inf(inity)?", re.ASCII | re.IGNORECASE)
+
+
+def typed_number(text: str) -> float:
+    """Read a number that somebody typed. Raises ValueError.
+
+    Python's own ``float`` also takes 2_8 as 28, digits of other scripts, and nan.
+    """
+    if not is_typed_number(text):
+        raise ValueError(f"{text!r} is not a number")
+    return float(text)
+
+
+def is_typed_number(text: str) -> bool:
+    """Say whether this is a number as people write it."""
+    return _TYPED.fullmatch(text.strip()) is not None
 
 
 def finite(value: Any) -> Any:

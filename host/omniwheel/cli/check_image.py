@@ -111,4 +111,4 @@ def say_outcome(outcome: Outcome) -> None:
     """Print a line about a check that is over."""
     mark = "[green]✓[/]" if outcome.passed else "[red]✗[/]"
     text = "; ".join(outcome.figures) if outcome.passed else outcome.failure
-    note(f"{mark} {outcome.name}: {escape(text)} [dim]({outcome.wall_s:.1f} s)[/]")
+    note(f"{mark} {escape(outcome.name)}: {escape(text)} [dim]({outcome.wall_s:.1f} s)[/]")

@@ -21,7 +21,7 @@ import typer
 
 from omniwheel.cli import completion
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
-from omniwheel.plain import finite
+from omniwheel.plain import finite, typed_number
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -218,6 +218,6 @@ def parse_assignments(words: list[str]) -> dict[str, float | str]:
 
 def _number_or_word(text: str) -> float | str:
     try:
-        return float(text)
+        return typed_number(text)
     except ValueError:
         return text.lower()

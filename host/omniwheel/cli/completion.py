@@ -10,9 +10,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
+
+import typer
 
 from omniwheel.paths import params_path, presets_dir, robots_dir
+from omniwheel.plain import is_typed_number
 
 if TYPE_CHECKING:
     from omni_schema import ParameterTable
@@ -90,14 +93,56 @@ def take_words_as_they_are(command: Any) -> Any:
 
     def get_params(ctx: Any) -> Any:
         found = parameters_of(ctx)
-        for parameter in found if ctx.resilient_parsing else ():
-            _keep_words(parameter)
+        for parameter in found:
+            if ctx.resilient_parsing:
+                _keep_words(parameter)
+            elif _is_number(_type_of(parameter)):
+                _check_number(parameter)
         return found
 
     command.get_params = get_params
     for name in getattr(command, "commands", ()):
         take_words_as_they_are(command.commands[name])
     return command
+
+
+def _python_takes(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _type_of(parameter: Any) -> Any:
+    """Return an argument's type; typer on its own and typer upon click keep it in different places."""
+    descriptor = getattr(parameter, "type_descriptor", None)
+    if descriptor is not None:
+        return descriptor.annotation
+    return {"float": float, "integer": int}.get(parameter.type.name.partition(" ")[0])
+
+
+def _is_number(annotation: Any) -> bool:
+    """Say whether an argument's type is a number, or a list or an option of such."""
+    return annotation in (int, float) or any(map(_is_number, get_args(annotation)))
+
+
+def _check_number(parameter: Any) -> None:
+    """Refuse what Python takes for a number and nobody types as one: 2_8, nan, digits of other scripts."""
+    if getattr(parameter, "omni_checked", False):
+        return
+    parameter.omni_checked = True
+    convert = parameter.process_value
+
+    def checked(ctx: Any, value: Any) -> Any:
+        for word in value if isinstance(value, (list, tuple)) else (value,):
+            if not isinstance(word, str) or is_typed_number(word) or not _python_takes(word):
+                continue  # what is no number to Python either is refused below
+            if word.lower().lstrip("+-") != "nan" or parameter.param_type_name == "option":  # set-points say which
+                raise typer.BadParameter(f"{word!r} is not a number", ctx=ctx, param=parameter)
+        return convert(ctx, value)
+
+    parameter.process_value = checked
 
 
 def _keep_words(parameter: Any) -> None:

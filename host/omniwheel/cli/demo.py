@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, note
 from omniwheel.cli.options import DEFAULT_OUT, OutOption
@@ -139,4 +140,4 @@ def _print(summary: dict[str, Any], folder: Path, shown: Shown) -> None:
     print_facts(summary)
     if not summary["completed"]:
         console.print("[bold red]the path was not driven to its end[/]")
-    console.print(f"\n[bold]{folder}[/]: run.png, summary.json, telemetry.tlog")
+    console.print(f"\n[bold]{escape(str(folder))}[/]: run.png, summary.json, telemetry.tlog")

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 from typer.core import TyperGroup
 
 from omniwheel.cli import completion, host_control
@@ -84,6 +85,7 @@ class StoppedError(OmniError):
 
 _PATIENCE = 1.5
 """Time for a pose by the time that it should take, where no --duration is given."""
+_TURN_DEG = 360.0
 _ANGLE = re.compile(r"([-+0-9.eE]+|[-+]?inf|nan)\s*(deg|°|rad|)")
 
 
@@ -106,7 +108,9 @@ def _armed(wanted: DriveOptions, asked: str, check: Callable[[Robot], object] = 
         if log is not None:
             stack.callback(log.leaving)
             log.connected(robot)
-            stack.callback(note, f"[bold]{log.folder}[/]: run.png, drive.json, telemetry.tlog", quiet=quiet)
+            stack.callback(
+                note, f"[bold]{escape(str(log.folder))}[/]: run.png, drive.json, telemetry.tlog", quiet=quiet
+            )
         try:
             robot.arm()
             robot.wait_until(lambda status: status.armed, _ARMED_S, "armed")
@@ -216,7 +220,12 @@ def _angle(text: str) -> float:
         value = None
     if match is None or value is None:
         raise SetpointError(f"theta is {text!r}; an angle is needed", hint="radians, or degrees like 90deg")
-    return math.radians(value) if match.group(2) in ("deg", "°") else value
+    if match.group(2) not in ("deg", "°"):
+        return value
+    if abs(value) > _TURN_DEG:
+        hint = f"the same heading: {math.remainder(value, _TURN_DEG):g}deg"
+        raise SetpointError(f"theta = {value:g}° is more than a turn", hint=hint)
+    return math.radians(value)
 
 
 @app.command("pose", cls=NumberCommand, epilog=examples("omni drive pose 0.5 0 1.57", "omni drive pose -0.5 0 -90deg"))

@@ -259,7 +259,7 @@ def _finish_stand(motors: MotorSteps, as_json: bool) -> None:
         print_json({"parameters": values, "dead_bands": [vars(band) for band in motors.dead_bands]})
         return
     for name in estimate.names:
-        console.print(f"{name} {estimate[name]:.5g} ± {estimate.half_width(name):.2g}")
+        console.print(f"{escape(name)} {estimate[name]:.5g} ± {estimate.half_width(name):.2g}")
     _print_dead_bands(motors)
 
 
@@ -294,7 +294,7 @@ def _finish(
     for remark in found.remarks:
         console.print(escape(remark))
     path = write_robot_file(found, name, template, folder)  # last: on a full disk a long drive has been told
-    console.print(f"\n[bold]{path}[/]  check it with: omni robots check {path}")
+    console.print(f"\n[bold]{escape(str(path))}[/]  check it with: omni robots check {escape(str(path))}")
 
 
 def _each(

@@ -8,6 +8,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.log_options import RobotOption
@@ -95,14 +96,16 @@ def identify_logs(
         return
     _print_runs(study)
     for name, path in files.items():
-        console.print(f"[dim]{name:12}[/] {path}", soft_wrap=True)
+        console.print(f"[dim]{escape(name):12}[/] {escape(str(path))}", soft_wrap=True)
 
 
 def _print_runs(study: LogStudy) -> None:
     """Say how far each run is from its truth, in every way, and what was chosen without it."""
     from omniwheel.identification.log_page import KINDS, settings_text
 
-    console.print(f"{'mm RMS':24} {'median':>7}" + "".join(f"{run.name:>8}" for run in study.scored), soft_wrap=True)
+    console.print(
+        f"{'mm RMS':24} {'median':>7}" + "".join(f"{escape(run.name):>8}" for run in study.scored), soft_wrap=True
+    )
     for kind in KINDS:
         cells = "".join(f"{1e3 * getattr(run, kind).alignment.rms_m:8.0f}" for run in study.scored)
         console.print(f"{kind.replace('_', ' '):24} {1e3 * study.median_m(kind):7.0f}{cells}", soft_wrap=True)
@@ -110,4 +113,4 @@ def _print_runs(study: LogStudy) -> None:
     cells = "".join(f"{shape:8.0f}" for shape in shapes)
     console.print(f"{'held out, best scale':24} {median(shapes):7.0f}{cells}", soft_wrap=True)
     for run, other in zip(study.scored, study.without, strict=True):
-        console.print(f"[dim]without {run.name}:[/] {settings_text(other.settings)}", soft_wrap=True)
+        console.print(f"[dim]without {escape(run.name)}:[/] {settings_text(other.settings)}", soft_wrap=True)

@@ -57,16 +57,18 @@ def import_command(
     noise = ", ".join(f"{value:.1f}" for value in summary.noise_counts)
     tells = ", ".join(f"{value:+.2f}" for value in summary.noise_correlation)
     over = "sample" if imported.sample_s > 0.0 else "period"
-    console.print(f"{out}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing")
+    console.print(
+        f"{escape(str(out))}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing"
+    )
     if summary.truth_dropped_rows:
-        console.print(f"{truth}: {summary.truth_dropped_rows} rows dropped")
+        console.print(f"{escape(str(truth))}: {summary.truth_dropped_rows} rows dropped")
     console.print(
         f"spikes rejected per wheel: {shares}; noise left: {noise} counts per {over}, {imported.quantum_rad_s:.3g} "
         f"rad/s each; correlation with the next count's: {tells}"
     )
     doubt = doubt_about_counts(imported, summary.noise_counts, summary.noise_correlation)
     if doubt:
-        console.print(f"[yellow]{doubt}[/]")
+        console.print(f"[yellow]{escape(doubt)}[/]")
     for stretch in summary.frozen:
         console.print(
             f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s: "
@@ -88,7 +90,7 @@ def show(
         print_json(facts)
         return
     for name, value in facts.items():
-        console.print(f"[cyan]{name:24}[/] {value}")
+        console.print(f"[cyan]{escape(name):24}[/] {value}")
 
 
 @app.command("align", epilog=examples("omni logs align run1.npz --robot mine.toml"))

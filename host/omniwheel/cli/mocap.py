@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli import mocap_camera, mocap_latency
 from omniwheel.cli.common import (
@@ -90,7 +91,7 @@ def bridge(
             possible_Hz = settings.possible_rate_sd_Hz if is_camera else settings.possible_rate_Hz
             if possible_Hz < rate:
                 note(f"{budget:g} B/s carry {possible_Hz:.1f} of {rate:g} fixes/s", quiet=as_json)
-            note(f"{stream.name} → {url}; Ctrl-C ends", quiet=as_json)
+            note(f"{escape(stream.name)} → {escape(url)}; Ctrl-C ends", quiet=as_json)
             try:
                 running.run(duration, None if as_json else _progress)
             except KeyboardInterrupt:
@@ -146,14 +147,14 @@ def record(
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
         with RecordingWriter(out) as writer:
-            note(f"recording {stream.name} to {out}; Ctrl-C ends", quiet=as_json)
+            note(f"recording {escape(stream.name)} to {escape(str(out))}; Ctrl-C ends", quiet=as_json)
             try:
                 _copy(stream, writer, duration)
             except KeyboardInterrupt:
                 note("", quiet=as_json)
     finally:
         stream.close()
-    note(f"{writer.poses} poses in {out}", quiet=as_json)
+    note(f"{writer.poses} poses in {escape(str(out))}", quiet=as_json)
     if as_json:
         print_json({"file": str(out), "poses": writer.poses})
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.options import ForceOption
@@ -107,7 +108,7 @@ def calibrate(camera: CameraArgument, pictures: PicturesArgument = None, as_json
             reason = collector.add(name, picture)
             count = len(collector.collected.views)
             if pictures or not reason:
-                note(f"{name}: {reason or f'used, {count} so far'}", quiet=as_json)
+                note(f"{escape(name)}: {reason or f'used, {count} so far'}", quiet=as_json)
             if not pictures and count >= ENOUGH:
                 break
     except KeyboardInterrupt:
@@ -143,7 +144,9 @@ def place(camera: CameraArgument, pictures: PicturesArgument = None, as_json: Js
         where = {"position_m": [x, y, z], "rms_px": found.rms_px, "offsets_m": offsets, "sd_m": found.sd_m}
         print_json({"file": str(watcher.setup.place_path), **where})
         return
-    console.print(f"{watcher.setup.place_path}: the camera is at x {x:.3f}, y {y:.3f}, {z:.3f} m above the floor")
+    console.print(
+        f"{escape(str(watcher.setup.place_path))}: the camera is at x {x:.3f}, y {y:.3f}, {z:.3f} m above the floor"
+    )
     for number, off in sorted(found.offsets_m.items()):
         console.print(f"  floor tag {number}: {1e3 * off:.1f} mm from where the camera file says")
     console.print(f"  one metre from them the floor is known to {1e3 * found.sd_m:.1f} mm (standard deviation)")
@@ -166,7 +169,7 @@ def look(
             if as_json:
                 rows.append({"picture": name, **_as_dict(seen)})
             else:
-                console.print(f"{name}: {_line(watcher, picture, seen)}", soft_wrap=True)
+                console.print(f"{escape(name)}: {_line(watcher, picture, seen)}", soft_wrap=True)
             if at >= count:
                 break
     except KeyboardInterrupt:

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from hil_sim.limits import SAMPLERS
 from hil_sim.studies.figures import FIGURES
@@ -154,4 +155,6 @@ def _print(plan: study.Plan, outcome: study.Outcome, progress: StudyProgress, fo
     console.print(progress.speed_line(), markup=False)
     if not after.feasible:
         console.print("[yellow]on the fresh seeds the best set breaks a constraint: use more --runs[/]")
-    console.print(f"\n[bold]{folder}/{study.BEST_FILE}[/]: --preset FILE, omni params load FILE", soft_wrap=True)
+    console.print(
+        f"\n[bold]{escape(str(folder))}/{study.BEST_FILE}[/]: --preset FILE, omni params load FILE", soft_wrap=True
+    )

@@ -99,7 +99,7 @@ def _print_short(rows: Sequence[Sequence[str]]) -> None:
 
 def _print_long(rows: Sequence[Sequence[str]]) -> None:
     for name, value, unit, allowed, default, meaning in rows:
-        console.print(f"[cyan]{name}[/] = {value} {unit}".rstrip())
+        console.print(f"[cyan]{escape(name)}[/] = {value} {unit}".rstrip())
         if allowed:
             console.print(Padding(f"[dim]allowed: {allowed}; default: {default}[/]", (0, 0, 0, 4)))
         console.print(Padding(meaning, (0, 0, 0, 4)))
@@ -144,7 +144,7 @@ def get(
             print_json({name: shortest(value) for name, value in values.items()})
             return
         for name, value in values.items():
-            console.print(f"[cyan]{name}[/] = {format_value(robot.parameters.info(name), value)}")
+            console.print(f"[cyan]{escape(name)}[/] = {format_value(robot.parameters.info(name), value)}")
 
 
 @app.command(
@@ -192,7 +192,7 @@ def save(
     if wanted.as_json:
         print_json({"file": str(file), "parameters": len(values)})
     else:
-        console.print(f"{len(values)} parameters saved to {file}")
+        console.print(f"{len(values)} parameters saved to {escape(str(file))}")
 
 
 @app.command("load", epilog=examples("omni params load mine.toml --store", "omni params load report_torque"))
@@ -241,7 +241,7 @@ def presets(
         if name is None:
             shown.add_row(preset.name, escape(preset.description), escape(preset.source))
             continue
-        console.print(f"[bold]{preset.name}[/]  {escape(preset.description)}\n[dim]{escape(preset.source)}[/]")
+        console.print(f"[bold]{escape(preset.name)}[/]  {escape(preset.description)}\n[dim]{escape(preset.source)}[/]")
         for key, value in preset.parameters.items():
             shown.add_row(key, format_value(table[key], value), escape(table[key].unit), escape(table[key].doc))
     console.print(shown)

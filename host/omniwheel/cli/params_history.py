@@ -45,7 +45,9 @@ def history(
         kept = history_of(robot)
     entries = kept.entries()
     if wanted.as_json:
-        print_json({"file": str(kept.path), "entries": [_document(entry) for entry in entries]})
+        print_json(
+            {"file": None if kept.path is None else str(kept.path), "entries": [_document(entry) for entry in entries]}
+        )
     elif not entries:
         console.print("nothing was changed yet")
     else:

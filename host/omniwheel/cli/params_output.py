@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import console, note, print_json
 from omniwheel.parameter_file import format_value, shortest
@@ -28,7 +29,7 @@ def print_changes(parameters: Parameters, changes: Changes, before: str, after: 
         console.print("no difference")
     for name, (old, new) in changes.items():
         info = parameters.info(name)
-        console.print(f"[cyan]{name}[/]  {format_value(info, old)} → [bold]{format_value(info, new)}[/]")
+        console.print(f"[cyan]{escape(name)}[/]  {format_value(info, old)} → [bold]{format_value(info, new)}[/]")
 
 
 def keep_over_restart(robot: Robot, wanted: bool, quiet: bool) -> None:

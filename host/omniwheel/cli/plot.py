@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.old_options import with_old_key
@@ -59,7 +60,7 @@ def plot(
     if json_wanted:
         print_json(with_old_key({"picture": str(target)}, "picture"))
     else:
-        console.print(str(target))
+        console.print(escape(str(target)), soft_wrap=True)
 
 
 def _plot_log(log: Path, out: Path | None, json_wanted: bool) -> None:
@@ -77,6 +78,6 @@ def _plot_log(log: Path, out: Path | None, json_wanted: bool) -> None:
         document |= {"notes": list(record.notes)}
         print_json(with_old_key(document, "picture"))
     else:
-        console.print(f"{target}: {in_words(record.numbers())}")
+        console.print(f"{escape(str(target))}: {in_words(record.numbers())}")
         for note in record.notes:
-            console.print(f"[yellow]{note}[/]")
+            console.print(f"[yellow]{escape(note)}[/]")

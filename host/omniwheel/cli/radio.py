@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, open_robot, print_json
 from omniwheel.limits import DEFAULT_TIMEOUT_S
@@ -40,7 +41,8 @@ def new(file: FileArgument, as_json: JsonOption = False) -> None:
     if as_json:
         print_json({"file": str(file), "fingerprint": signing.fingerprint(key)})
     else:
-        console.print(f"key {signing.fingerprint(key)} in {file}; next: omni radio key set {file} --link USB-PORT")
+        shown = escape(str(file))
+        console.print(f"key {signing.fingerprint(key)} in {shown}; next: omni radio key set {shown} --link USB-PORT")
 
 
 @key_app.command("set", epilog=examples("omni radio key set ~/robot.key --link /dev/ttyACM0"))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import (
     JsonOption,
@@ -46,7 +47,7 @@ def record(
     with TlogWriter(out) as log:
         try:
             with open_robot(link, timeout_s=timeout, recorder=log.write) as robot:
-                note(f"recording to {out}; Ctrl-C ends", quiet=as_json)
+                note(f"recording to {escape(str(out))}; Ctrl-C ends", quiet=as_json)
                 end = robot.connection.clock() + duration
                 while (left := end - robot.connection.clock()) > 0.0:
                     robot.pump(min(left, _SLICE_S))
@@ -55,7 +56,7 @@ def record(
             note("", quiet=as_json)
         except (LinkLostError, OutputFileError) as error:
             lost = error
-    note(f"{log.frames} frames in {out}", quiet=as_json)
+    note(f"{log.frames} frames in {escape(str(out))}", quiet=as_json)
     if lost is not None:
         raise lost
     if as_json:

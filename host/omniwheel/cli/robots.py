@@ -67,7 +67,7 @@ def show(name: RobotArgument, as_json: JsonOption = False) -> None:
     if as_json:
         print_json({**_summary(robot), "parameters": robot.parameter_values(), "simulation": dict(robot.simulation)})
         return
-    console.print(f"[bold]{robot.name}[/]  {escape(robot.description)}\n[dim]{escape(robot.source)}[/]")
+    console.print(f"[bold]{escape(robot.name)}[/]  {escape(robot.description)}\n[dim]{escape(robot.source)}[/]")
     table = Table(box=None, header_style="bold", pad_edge=False)
     for title in ("parameter", "value", "unit", "meaning"):
         table.add_column(title, style="cyan" if title == "parameter" else "")
@@ -126,7 +126,7 @@ def export(
     if as_json:
         print_json({"name": robot.name, "format": chosen, "file": str(file), "left_out": missing})
         return
-    console.print(f"{file} written: {robot.name} as {chosen.upper()}")
+    console.print(f"{escape(str(file))} written: {escape(robot.name)} as {chosen.upper()}")
     for sentence in missing:
         console.print(f"Left out: {sentence}.")
 
@@ -158,7 +158,9 @@ def check(
     if as_json:
         print_json({**_summary(robot), "ok": True, "warnings": warnings, **_card_json(shown)})
         return
-    console.print(f"{name}: fine: {robot.name}, {robot.wheels} wheels, {len(robot.overrides)} parameters")
+    console.print(
+        f"{escape(name)}: fine: {escape(robot.name)}, {robot.wheels} wheels, {len(robot.overrides)} parameters"
+    )
     _print_card(shown)
     print_warnings(warnings)
     if plot is not None:
@@ -231,7 +233,7 @@ def wiring(
         return
     _print_wiring(plan)
     if out is not None:
-        note(f"{out} written: open it in a browser, print it", quiet=False)
+        note(f"{escape(str(out))} written: open it in a browser, print it", quiet=False)
 
 
 def _print_wiring(plan: WiringPlan) -> None:

@@ -18,6 +18,7 @@ from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, print_json
 from omniwheel.cli.options import RobotFolderOption
 from omniwheel.errors import DataSheetError
+from omniwheel.plain import typed_number
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot
 from omniwheel.wiring import plan_wiring
 
@@ -138,7 +139,7 @@ class _Form:
     @staticmethod
     def _parsed(text: str, question: str) -> float:
         try:
-            return float(text)
+            return typed_number(text)
         except ValueError:
             raise DataSheetError(f"{text!r} is not a number", hint=question) from None
 
@@ -182,7 +183,7 @@ def _say(target: Path, what: str, as_json: bool) -> None:
     if as_json:
         print_json({"file": str(target), "is": what, "warnings": warnings})
         return
-    console.print(f"{target} written, {what}. Then: omni robots check {target}")
+    console.print(f"{escape(str(target))} written, {what}. Then: omni robots check {escape(str(target))}")
     print_warnings(warnings)
 
 

@@ -343,7 +343,7 @@ def print_run(summary: Figures, folder: Path) -> None:
     where = f" (world {external})" if external else ""
     console.print(comparison_table(f"{summary['scenario']}{where}: {summary['description']}", columns))
     print_facts(summary)
-    console.print(f"\n[bold]{folder}[/]")
+    console.print(f"\n[bold]{escape(str(folder))}[/]")
 
 
 def print_facts(summary: Figures) -> None:

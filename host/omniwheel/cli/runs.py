@@ -45,7 +45,7 @@ def runs(
         print_json({"runs": [_document(entry) for entry in entries]})
         return
     if not entries:
-        console.print(f"no runs in {folder}")
+        console.print(f"no runs in {escape(str(folder))}")
         return
     for entry in entries:
         console.print(f"[cyan]{escape(entry.name)}[/]", soft_wrap=True)  # a name is copied: it stays in one piece
@@ -80,7 +80,7 @@ def compare_runs(
         console.print(f"{letter}: [cyan]{escape(run.name)}[/]", soft_wrap=True)
     known = parameter_table()
     for name, (a, b) in parameters.items():
-        table.add_row(f"[cyan]{name}[/]", format_value(known.get(name), a), format_value(known.get(name), b))
+        table.add_row(f"[cyan]{escape(name)}[/]", format_value(known.get(name), a), format_value(known.get(name), b))
     console.print(table)
 
 
@@ -98,7 +98,7 @@ def name_run(
     if as_json:
         print_json({"folder": str(target)})
     else:
-        console.print(str(target))
+        console.print(escape(str(target)), soft_wrap=True)
 
 
 @app.command("delete", epilog=examples("omni runs delete drive-pose-2", "omni runs delete drive-pose --yes"))
@@ -118,4 +118,4 @@ def delete(
     if as_json:
         print_json({"deleted": str(entry.folder)})
     else:
-        console.print(f"{entry.folder} deleted")
+        console.print(f"{escape(str(entry.folder))} deleted")

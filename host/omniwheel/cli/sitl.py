@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, NoReturn
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, error_console, examples, print_json, signals_interrupt
@@ -234,5 +235,5 @@ def announce(
     if json_wanted:
         print_json({"ready": True, "links": list(urls), "robot": robot, **(more or {})}, one_line=True)
     else:
-        console.print(f"{robot} is there: connect to [bold]{'[/] or [bold]'.join(urls)}[/]")
+        console.print(f"{escape(robot)} is there: connect to [bold]{'[/] or [bold]'.join(map(escape, urls))}[/]")
         console.print(f"{description}. Ctrl-C ends it.")

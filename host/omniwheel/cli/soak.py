@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli import completion
 from omniwheel.cli.common import FAILED, JsonOption, console, examples, print_json
@@ -42,7 +43,7 @@ def soak(
         print_json(result.as_dict())
     else:
         for name, value in result.as_dict().items():
-            console.print(f"{name:22} {value}")
+            console.print(f"{escape(name):22} {value}")
     if result.failures:
         raise typer.Exit(FAILED)
 

@@ -203,4 +203,4 @@ def _fitting(widths: Sequence[int], room: int, keys: int) -> list[list[int]]:
 def print_end(progress: StudyProgress, folder: str) -> None:
     """Print how fast it went and where everything is."""
     console.print(progress.speed_line(), markup=False)
-    console.print(f"\n[bold]{folder}[/]", soft_wrap=True)
+    console.print(f"\n[bold]{escape(str(folder))}[/]", soft_wrap=True)

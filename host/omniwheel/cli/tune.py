@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 
 from omniwheel.cli.common import (
     JsonOption,
@@ -224,7 +225,7 @@ class _Run:
                 if not self._quiet:
                     self.outcome.show()
                     for path in self.outcome.pictures:
-                        console.print(f"[bold]{path}[/]", soft_wrap=True)
+                        console.print(f"[bold]{escape(str(path))}[/]", soft_wrap=True)
                 kept = self.outcome.kept = _chosen(self._keep, len(self._wanted), self._quiet)
             finally:
                 trial.set_many(sets.values[kept or 0])

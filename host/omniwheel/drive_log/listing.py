@@ -103,9 +103,9 @@ def _fact(title: str, value: float) -> str:
 
 def rename_run(entry: RunEntry, name: str) -> Path:
     """Give a run's folder another name; raises LogError if it cannot have it."""
-    target = entry.folder.with_name(name)
-    if not _NAME.fullmatch(name):
+    if not _NAME.fullmatch(name) or not name.strip("."):
         raise LogError(f"{name!r} cannot be a run's name", hint="letters, digits, _ . and -, no more than 100")
+    target = entry.folder.with_name(name)
     if target.exists():
         raise LogError(f"there is already a run {name}", hint="choose another name")
     return entry.folder.rename(target)

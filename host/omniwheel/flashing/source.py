@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from omniwheel.errors import FlashError
+from omniwheel.files import home
 from omniwheel.robots import read_robot
 
 OWN_ROBOT_ENVIRONMENT = "robot"
@@ -46,7 +47,7 @@ def source_dir() -> Path:
 
 def core_dir() -> Path:
     """Return the folder where PlatformIO keeps its tools."""
-    return Path(os.environ.get("PLATFORMIO_CORE_DIR") or Path.home() / ".platformio")
+    return Path(os.environ.get("PLATFORMIO_CORE_DIR") or (home() or Path("/")) / ".platformio")
 
 
 def find_pio() -> str:

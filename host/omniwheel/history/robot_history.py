@@ -24,8 +24,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from omniwheel.errors import HistoryError
-from omniwheel.files import write_error
+from omniwheel.errors import HistoryError, OutputPathError
+from omniwheel.files import home, write_error
 
 try:
     import fcntl
@@ -35,6 +35,8 @@ except ImportError:  # Windows
 Change = tuple[float, float]
 """Value before and after."""
 _LARGEST = sys.float_info.max
+_NO_FOLDER = "there is no folder for it: this user has no home"
+_SET_ONE = "set OMNI_STATE_DIR to a folder, or HOME"
 
 
 @dataclass
@@ -61,22 +63,28 @@ class Entry:
             del self.changes[name]
 
 
-def history_file(serial_number: int, url: str) -> Path:
+def history_file(serial_number: int, url: str) -> Path | None:
     """Return where a robot's history is kept: by its serial number; a robot without one is known by its link.
 
-    ``OMNI_STATE_DIR`` chooses another folder, else it is the user's (``XDG_STATE_HOME``).
+    ``OMNI_STATE_DIR`` chooses another folder, else it is the user's (``XDG_STATE_HOME``). None: the user has no folder.
     """
-    own = os.environ.get("OMNI_STATE_DIR")
-    state = os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state"
-    folder = Path(own) if own else Path(state) / "omniwheel"
+    own, state, user = os.environ.get("OMNI_STATE_DIR"), os.environ.get("XDG_STATE_HOME"), home()
+    if own:
+        folder = Path(own)
+    elif state:
+        folder = Path(state, "omniwheel")
+    elif user is not None:
+        folder = user / ".local" / "state" / "omniwheel"
+    else:
+        return None
     name = f"robot-{serial_number}" if serial_number else "link-" + re.sub(r"[^A-Za-z0-9.]+", "-", url).strip("-")
     return folder / "history" / f"{name}.jsonl"
 
 
 class RobotHistory:
-    """The history of one robot."""
+    """The history of one robot. Without a ``path`` it can neither be read nor written."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | None) -> None:
         self.path = path
 
     def entries(self) -> list[Entry]:
@@ -115,6 +123,8 @@ class RobotHistory:
 
     def append(self, lines: Iterable[Mapping[str, Any]]) -> None:
         """Append lines, whole or not at all, and bring them to the disk. Raises OutputFileError."""
+        if self.path is None:
+            raise OutputPathError(_NO_FOLDER, hint=_SET_ONE)
         text = "".join(json.dumps(line, ensure_ascii=False) + "\n" for line in lines)
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -128,6 +138,8 @@ class RobotHistory:
             raise write_error(self.path, error) from error
 
     def _lines(self) -> list[dict[str, Any]]:
+        if self.path is None:
+            raise HistoryError(_NO_FOLDER, hint=_SET_ONE)
         try:
             text = self.path.read_text(encoding="utf-8", errors="replace")
         except FileNotFoundError:
