@@ -49,6 +49,9 @@ OMNI_COLD uint8_t Trajectories::plan() {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: check the TRJ_ parameters"));
         return MAV_RESULT_FAILED;
     }
+    if (waiting_) {
+        return MAV_RESULT_ACCEPTED; // planned again from where the robot stands when it arms: said when it was asked for
+    }
     if (path.needed_scale > path.scale * 1.001f) {
         texts_.refuse(MAV_SEVERITY_WARNING,
                       Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
@@ -76,6 +79,7 @@ OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, co
     type_ = type;
     laps_ = laps;
     period_s_ = period_s;
+    waiting_ = false;
     const uint8_t result = plan();
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
