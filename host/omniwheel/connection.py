@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.default_key import default_key
-from omniwheel.dialect import Message, mavlink, take_bytes
+from omniwheel.dialect import HUB_COMPONENT, Message, mavlink, take_bytes
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -40,6 +40,7 @@ class _Output:
 class Connection:
     """One end of a MAVLink conversation.
 
+    It is to the component ``target_component`` of the system ``target_system``: what others send is recorded only.
     ``recorder`` gets every whole frame of either direction. ``next_heartbeat_s`` is when the next one is due on
     ``clock``. ``signer`` signs what is sent (default: with the process's
     default key, if there is one). ``rx_bytes`` and ``rx_bad_bytes`` count what came and what
@@ -161,12 +162,22 @@ class Connection:
                 continue
             if self.recorder is not None:
                 self.recorder(bytes(frame))
-            if self.target_system in (0, message.get_srcSystem()):
+            if self.is_from_robot(message):
                 received.append(message)
-                self._hand_out(message)
+                self.hand_out(message)
         return received
 
-    def _hand_out(self, message: Message) -> None:
+    def is_from_robot(self, message: Message) -> bool:
+        """Return whether the robot sent a message, or the hub said it in its place; anybody before there is a robot."""
+        if self.target_system not in (0, message.get_srcSystem()):
+            return False
+        component = message.get_srcComponent()
+        if self.target_component in (0, component):
+            return True
+        return component == HUB_COMPONENT and message.get_type() == "STATUSTEXT"
+
+    def hand_out(self, message: Message) -> None:
+        """Give a message to the listeners."""
         for listener in tuple(self._listeners):
             listener(message)
 

@@ -42,6 +42,10 @@ TRIAL_KEEP, TRIAL_BEGIN, TRIAL_BACK, TRIAL_ASK = 0.0, 1.0, 2.0, 3.0
 """Actions of MAV_CMD_OMNI_TRIAL, its first parameter: docs/reference/protocol.md."""
 
 
+HUB_COMPONENT = 241
+"""MAV_COMP_ID_UART_BRIDGE: as this component of the robot's system the hub speaks."""
+
+
 def _load() -> Any:
     folder = str(dialect_dir())
     if folder not in _v20.__path__:
@@ -69,6 +73,14 @@ def take_bytes(parser: Any, data: bytes) -> list[Message]:
     del parser.buf[: parser.buf_index]
     parser.buf_index = 0
     return messages
+
+
+def is_autopilot(message: Message) -> bool:
+    """Return whether a message is the heartbeat of an autopilot: of a robot, not of a station or another component."""
+    if message.get_type() != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+        return False
+    others = (mavlink.MAV_TYPE_GCS, mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_TYPE_ADSB)
+    return message.type not in others
 
 
 def enum_name(enum: str, value: int, prefix: str = "") -> str:

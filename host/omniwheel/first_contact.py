@@ -6,26 +6,31 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from omniwheel.connection import Connection
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message, is_autopilot, mavlink
 from omniwheel.errors import LinkTimeoutError, SigningKeyError
 from omniwheel.signing import is_signed
 
 _STOP_AGAIN_S = 0.25
-_ROBOT_TYPES_IGNORED = ("MAV_TYPE_GCS", "MAV_TYPE_ONBOARD_CONTROLLER", "MAV_TYPE_ADSB")
 _KEY_HINT = "`omni radio key show` tells the fingerprints of the robot's key (over USB) and of a file's"
 _SIGN_HINT = "give its key with --signing-key FILE or OMNI_SIGNING_KEY; over USB none is needed"
 
 
-def await_robot(connection: Connection, system_id: int | None, timeout_s: float, stop: bool) -> None:
+def await_robot(connection: Connection, system_id: int | None, timeout_s: float, stop: bool) -> list[Message]:
     """Wait for the heartbeat of a robot, of this system if it is not None; the connection is to it from then on.
 
-    With ``stop`` everybody is told to stop meanwhile. Raises LinkTimeoutError, SigningKeyError.
+    Returns what the robot has said by then. With ``stop`` everybody is told to stop meanwhile. Raises LinkTimeoutError,
+    SigningKeyError.
     """
+    heard: list[Message] = []
 
     def wanted(message: Message) -> bool:
-        return _is_robot(message) and system_id in (None, message.get_srcSystem())
+        return is_autopilot(message) and system_id in (None, message.get_srcSystem())
 
-    found = _stopping(connection, wanted, timeout_s) if stop else connection.wait(wanted, timeout_s)
+    end_listening = connection.add_listener(heard.append)
+    try:
+        found = _stopping(connection, wanted, timeout_s) if stop else connection.wait(wanted, timeout_s)
+    finally:
+        end_listening()
     if found is None and connection.wrongly_signed:
         raise SigningKeyError(f"what comes from {connection.link.url} is signed with another key", hint=_KEY_HINT)
     if found is None:
@@ -34,6 +39,7 @@ def await_robot(connection: Connection, system_id: int | None, timeout_s: float,
         raise SigningKeyError(f"the robot at {connection.link.url} wants signed messages", hint=_SIGN_HINT)
     connection.target_system = found.get_srcSystem()
     connection.target_component = found.get_srcComponent()
+    return list(filter(connection.is_from_robot, heard))
 
 
 def _stopping(connection: Connection, wanted: Callable[[Message], bool], timeout_s: float) -> Message | None:
@@ -44,12 +50,6 @@ def _stopping(connection: Connection, wanted: Callable[[Message], bool], timeout
         connection.send(mavlink.MAVLink_command_long_message(0, 0, mavlink.MAV_CMD_OMNI_ESTOP, 0, 1, *[0] * 6))
         found = connection.wait(wanted, min(_STOP_AGAIN_S, max(0.0, end_s - connection.clock())))
     return found
-
-
-def _is_robot(message: Message) -> bool:
-    if message.get_type() != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
-        return False
-    return message.type not in [getattr(mavlink, name) for name in _ROBOT_TYPES_IGNORED]
 
 
 def _no_heartbeat(connection: Connection, system_id: int | None, timeout_s: float) -> LinkTimeoutError:

@@ -491,8 +491,10 @@ def connect(
     signer = Signer(signing_key) if signing_key is not None else None
     connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder, signer=signer)
     try:
+        heard = await_robot(connection, system_id, timeout_s, stop_at_once)
         robot = Robot(connection, table=load_parameters(params_path()), timeout_s=timeout_s)
-        await_robot(connection, system_id, timeout_s, stop_at_once)
+        for message in heard:
+            connection.hand_out(message)
     except BaseException:
         connection.close()
         raise

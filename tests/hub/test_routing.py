@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from omniwheel.dialect import mavlink
-from tests.hub.bench import ACCEPTED, ARM, Bench, beat, command
+from tests.hub.bench import ACCEPTED, ARM, DENIED, Bench, beat, command
 
 REBOOT_INFO = mavlink.MAV_CMD_REQUEST_MESSAGE
 
@@ -60,6 +60,38 @@ def test_two_clients_with_the_same_question_each_get_one_answer() -> None:
     bench.robot_sends(mavlink.MAVLink_command_ack_message(REBOOT_INFO, ACCEPTED, 0, 0, 255, 190))
     bench.run()
     assert second.results(REBOOT_INFO) == [ACCEPTED]
+
+
+@pytest.mark.parametrize("source", [(1, 191), (1, 241), (2, 1)])
+def test_what_others_than_the_robot_answer_is_no_answer(source: tuple[int, int]) -> None:
+    bench = Bench()
+    bench.answers = False
+    first, second = bench.join("first"), bench.join("second")
+    bench.robot_is(armed=False)
+    first.send(command(REBOOT_INFO, 148.0))
+    bench.run()
+    acknowledgement = mavlink.MAVLink_command_ack_message(REBOOT_INFO, DENIED, 0, 0, 255, 190)
+    bench.hub.from_port(bytes(acknowledgement.pack(mavlink.MAVLink(None, *source))))
+    second.send(command(REBOOT_INFO, 148.0))
+    bench.run()
+    bench.robot_sends(mavlink.MAVLink_command_ack_message(REBOOT_INFO, ACCEPTED, 0, 0, 255, 190))
+    bench.run()
+    assert first.results(REBOOT_INFO)[-1] == ACCEPTED
+    assert ACCEPTED not in second.results(REBOOT_INFO)
+
+
+@pytest.mark.parametrize("source", [(1, 191), (1, 241), (2, 1)])
+def test_a_parameter_of_another_component_ends_no_request(source: tuple[int, int]) -> None:
+    bench = Bench()
+    first, second = bench.join("first"), bench.join("second")
+    bench.robot_is(armed=False)
+    first.send(mavlink.MAVLink_param_request_read_message(1, 1, b"WS_P", -1))
+    bench.run()
+    value = mavlink.MAVLink_param_value_message(b"WS_P", 4.0, 9, 10, 3)
+    bench.hub.from_port(bytes(value.pack(mavlink.MAVLink(None, *source))))
+    second.send(mavlink.MAVLink_param_request_read_message(1, 1, b"WS_P", -1))
+    bench.run()
+    assert bench.names().count("PARAM_REQUEST_READ") == 1
 
 
 def test_a_broadcast_goes_to_the_other_clients_too_but_not_back() -> None:

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 import pytest
 
-from omniwheel.dialect import TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
-from omniwheel.hub.client import HUB_COMPONENT
+from omniwheel.dialect import HUB_COMPONENT, TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
 from omniwheel.hub.rules import receipt_of
 from tests.hub.bench import ACCEPTED, DENIED, LATER, Bench, beat, command
 

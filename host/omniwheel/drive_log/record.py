@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel.dialect import Message
+from omniwheel.dialect import Message, is_autopilot
 from omniwheel.errors import DatasetError, LogError
 from omniwheel.identification.sources import iterate_messages
 from omniwheel.telemetry import Control, Heartbeat, Status, StatusText, Tracking, Wheels, decode
@@ -98,11 +98,14 @@ def record_of(messages: Iterable[Message]) -> TelemetryRecord:
     for message in messages:
         placed, turned = decode(Tracking, message), decode(Wheels, message)
         told = placed or turned
-        if told is not None:
+        if message.get_srcComponent() != ROBOT_COMPONENT:
+            continue
+        if told is not None or is_autopilot(message):
             system = system or message.get_srcSystem()
-            if message.get_srcSystem() != system:
-                others.add(message.get_srcSystem())
-                continue
+        if system not in (0, message.get_srcSystem()):
+            others |= {message.get_srcSystem()} if told is not None else set()
+            continue
+        if told is not None:
             parts = len(clock.starts)
             watcher.now_s = time_s = clock.follow(told.time_s)
             watcher.events += clock.starts[parts:]
@@ -174,9 +177,7 @@ class EventWatcher:
         self._last: dict[str, Any] = {}
 
     def take(self, message: Message) -> None:
-        """Take one message of any kind; those of ground stations, which a log of a link holds too, say nothing here."""
-        if message.get_srcComponent() != ROBOT_COMPONENT:
-            return
+        """Take one message of the robot, of any kind."""
         status, text = decode(Status, message), decode(StatusText, message)
         beat, control = decode(Heartbeat, message), decode(Control, message)
         if status is not None:

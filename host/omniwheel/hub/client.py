@@ -5,11 +5,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import HUB_COMPONENT, Message, mavlink
 from omniwheel.hub.frame_finder import SILENCE_S, FrameFinder
 from omniwheel.hub.rules import Kind, kind_of
 
-HUB_COMPONENT = mavlink.MAV_COMP_ID_UART_BRIDGE
 TEXT_PERIOD_S = 2.0
 """A client is told the same thing once in this time."""
 TEXT_CHARACTERS = 50

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import TRIAL_BACK, Message, mavlink, take_bytes
+from omniwheel.dialect import HUB_COMPONENT, TRIAL_BACK, Message, is_autopilot, mavlink, take_bytes
 from omniwheel.hub import wire
-from omniwheel.hub.client import HUB_COMPONENT, Client
+from omniwheel.hub.client import Client
 from omniwheel.hub.followed import FollowedRobot
 from omniwheel.hub.in_command import InCommand
 from omniwheel.hub.outbox import NEWEST_COUNTS, Outbox, Waiting
@@ -345,15 +345,14 @@ class Hub:
 
     def _watch(self, message: Message) -> None:
         source = source_of(message)
-        name = message.get_type()
-        if name == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
+        if is_autopilot(message):
             self._watch_heartbeat(source, bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
-        if source == self._robot.source:
-            self._sequence = message.get_seq()
-            self._watch_clock(getattr(message, "time_boot_ms", self._boot_ms))
-        if name == "PARAM_VALUE":
-            if source == self._robot.source:
-                self._robot.watch_parameter(message)
+        if source != self._robot.source:
+            return
+        self._sequence = message.get_seq()
+        self._watch_clock(getattr(message, "time_boot_ms", self._boot_ms))
+        if message.get_type() == "PARAM_VALUE":
+            self._robot.watch_parameter(message)
             self._parameters.seen(message, self._clock())
 
     def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
@@ -378,7 +377,7 @@ class Hub:
     def _fan_out(self, message: Message) -> None:
         others = set[int]()
         if message.get_type() == "COMMAND_ACK":
-            question, others = self._pending.answered(message)
+            question, others = self._pending.answered(message, self._robot.source)
             if question is not None:
                 self._interval_answered(question, message)
                 self._trials.answered(question, message)
@@ -462,9 +461,7 @@ class Hub:
             self._acknowledge(self.clients[number], message, result)
 
     def _acknowledge(self, client: Client, message: Message, result: int) -> None:
-        target = target_of(message)
-        system, component = self._robot.source
-        source = (target.system or system, target.component or component)
+        source = target_of(message).or_robot(self._robot.source)
         client.acknowledge(message, result, receipt_of(message), source, self._sequence)
 
     def _tell(self, client: Client, text: str, severity: int, about: str = "") -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omniwheel.dialect import Message, mavlink
-from omniwheel.hub.rules import receipt_of
+from omniwheel.hub.rules import Target, receipt_of, source_of, target_of
 
 FORGET_S = 15.0
 """A question without answer is forgotten after this time: longer than a client tries."""
@@ -24,6 +24,7 @@ class Question:
     receipt: int
     moves: bool
     asked_s: float
+    target: Target
     about: tuple[int, float] = (0, 0.0)
     """Of a wish for telemetry: the message and its interval."""
     action: float = 0.0
@@ -31,8 +32,8 @@ class Question:
 
     def is_like(self, other: Question) -> bool:
         """Return whether this is the same, asked again."""
-        mine = (self.client, self.command, self.receipt, self.about)
-        return mine == (other.client, other.command, other.receipt, other.about)
+        mine = (self.client, self.command, self.receipt, self.about, self.target)
+        return mine == (other.client, other.command, other.receipt, other.about, other.target)
 
 
 class Pending:
@@ -45,7 +46,8 @@ class Pending:
     def ask(self, client: int, message: Message, moves: bool, now_s: float) -> None:
         """Take note of a command; one that is said again counts once."""
         about = (int(message.param1), float(message.param2)) if message.command == _INTERVAL else (0, 0.0)
-        new = Question(client, message.command, receipt_of(message), moves, now_s, about, float(message.param1))
+        target, action = target_of(message), float(message.param1)
+        new = Question(client, message.command, receipt_of(message), moves, now_s, target, about, action)
         self._expire(now_s)
         for question in self._questions:
             if question.is_like(new):
@@ -56,12 +58,17 @@ class Pending:
         if len(mine) > KEPT:
             self._questions.remove(mine[0])
 
-    def answered(self, ack: Message) -> tuple[Question | None, set[int]]:
+    def answered(self, ack: Message, robot: tuple[int, int]) -> tuple[Question | None, set[int]]:
         """Return what ``ack`` answers (None: nothing known), and which other clients wait for such an answer.
 
-        They must not take this one for theirs.
+        They must not take this one for theirs. What another component answers than the one that was asked is none;
+        ``robot`` is the (system, component) of the robot.
         """
-        same = [question for question in self._questions if question.command == ack.command]
+        same = [
+            question
+            for question in self._questions
+            if question.command == ack.command and question.target.or_robot(robot) == source_of(ack)
+        ]
         exact = [question for question in same if question.receipt and question.receipt == ack.result_param2]
         unnumbered = [question for question in same if not question.receipt or not ack.result_param2]
         found = next(iter(exact or unnumbered), None)

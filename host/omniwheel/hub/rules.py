@@ -127,6 +127,10 @@ class Target:
     system: int
     component: int
 
+    def or_robot(self, robot: tuple[int, int]) -> tuple[int, int]:
+        """Return from whom (system, component) the answer comes: everybody is the robot."""
+        return self.system or robot[0], self.component or robot[1]
+
 
 def target_of(message: Message) -> Target:
     """Return whom a message is for."""

@@ -37,11 +37,15 @@ _TYPES |= {"q": "<i8", "Q": "<u8", "c": "S1"}
 
 @dataclass
 class Clock:
-    """The robot's clock over a log. It begins at 0 again when the robot restarts: then the log's time goes on."""
+    """The robot's clock over a log. It begins at 0 again when the robot restarts: then the log's time goes on.
+
+    ``system`` is the id of that robot, the first one in the log; 0 before it is known.
+    """
 
     now_s: float | None = None
     offset_s: float = 0.0
     restarts_s: tuple[float, ...] = ()
+    system: int = 0
 
     def follow(self, robot_s: Array) -> Array:
         """Return times that go on, for the robot's times in the order in which they were recorded."""
@@ -88,7 +92,7 @@ def read_piece(data: bytes, clock: Clock) -> Piece:
     start = np.array(starts, dtype=np.int64)
     head = start + STAMP
     number = content[head + 7] + (content[head + 8].astype(np.int64) << 8) + (content[head + 9].astype(np.int64) << 16)
-    start, number = _of_the_robot(content, start, number)
+    start, number = _of_the_robot(content, start, number, clock)
     found: dict[Kind, tuple[NDArray[np.int64], Array | None, NDArray[np.float32]]] = {}
     said: list[tuple[int, Message]] = []
     for kind in KINDS:
@@ -132,10 +136,15 @@ def record_starts(data: bytes) -> tuple[list[int], int, int]:
 
 
 def _of_the_robot(
-    content: Bytes, start: NDArray[np.int64], number: NDArray[np.int64]
+    content: Bytes, start: NDArray[np.int64], number: NDArray[np.int64], clock: Clock
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Leave out what ground stations said, which a log of a link holds too."""
-    robot = content[start + STAMP + 6] == ROBOT_COMPONENT
+    """Leave out what stations, other components and other robots said, which a log of a link holds too."""
+    system, robot = content[start + STAMP + 5], content[start + STAMP + 6] == ROBOT_COMPONENT
+    telemetry = [_message_class(name).id for name in ("HEARTBEAT", *(kind.message for kind in KINDS))]
+    first = np.flatnonzero(robot & np.isin(number, telemetry))
+    if not clock.system and len(first):
+        clock.system = int(system[first[0]])
+    robot &= system == clock.system
     return start[robot], number[robot]
 
 
