@@ -31,6 +31,7 @@ from hil_sim.summary import TLOG_FILE
 from hil_sim.timeline import Progress, RunError, play
 from hil_sim.world import World
 from omniwheel.connection import Connection
+from omniwheel.default_system import default_system
 from omniwheel.dialect import Message, mavlink
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.errors import CommandRefusedError, OmniError
@@ -324,7 +325,7 @@ def _own_firmware(scenario: Scenario, emulated: bool) -> Iterator[FileLink]:
 @contextmanager
 def _linked_firmware(scenario: Scenario, url: str) -> Iterator[FileLink]:
     base = open_link(url)
-    with omniwheel.connect(base) as robot:
+    with omniwheel.connect(base, system_id=default_system()) as robot:
         _free(robot)
         wanted = scenario.parameter_values()
         wanted["SYS_ID"] = robot.parameters["SYS_ID"]

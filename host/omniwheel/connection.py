@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.default_key import default_key
-from omniwheel.dialect import HUB_COMPONENT, Message, mavlink, take_bytes
+from omniwheel.dialect import HUB_COMPONENT, Message, is_autopilot, mavlink, take_bytes
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -63,6 +63,10 @@ class Connection:
         self.recorder = recorder
         self.target_system = 0
         self.target_component = 0
+        self.other_systems: set[int] = set()
+        """System ids of other robots that are on the line, too; nothing here is for them."""
+        self.on_other_robot: Callable[[int], None] | None = None
+        """Called with the system id of another robot when it is heard for the first time."""
         self.rx_bytes = 0
         self.rx_bad_bytes = 0
         self._codec: Any = mavlink.MAVLink(_Output(self), system_id, component_id)
@@ -80,6 +84,15 @@ class Connection:
         """Call ``listener`` with every message from the robot; the returned function ends that."""
         self._listeners.append(listener)
         return lambda: self._listeners.remove(listener)
+
+    @contextmanager
+    def only_listener(self, listener: Listener) -> Iterator[None]:
+        """Give messages to this listener alone while the context lasts."""
+        before, self._listeners = self._listeners, [listener]
+        try:
+            yield
+        finally:
+            self._listeners = before
 
     @contextmanager
     def without_heartbeats(self) -> Iterator[None]:
@@ -101,6 +114,11 @@ class Connection:
         self.link.write(frame)
         if self.recorder is not None:
             self.recorder(frame)
+
+    @property
+    def sends_heartbeats(self) -> bool:
+        """Whether this end says once a second that it is a ground station."""
+        return self.next_heartbeat_s < float("inf")
 
     @property
     def wrongly_signed(self) -> int:
@@ -165,16 +183,26 @@ class Connection:
             if self.is_from_robot(message):
                 received.append(message)
                 self.hand_out(message)
+            elif is_autopilot(message):
+                self._note_other(message.get_srcSystem())
         return received
 
+    def _note_other(self, system: int) -> None:
+        if system in (self.target_system, *self.other_systems):
+            return
+        self.other_systems.add(system)
+        if self.on_other_robot is not None:
+            self.on_other_robot(system)
+
     def is_from_robot(self, message: Message) -> bool:
-        """Return whether the robot sent a message, or the hub said it in its place; anybody before there is a robot."""
+        """Return whether the robot sent a message, or its hub or radio did; anybody before there is a robot."""
         if self.target_system not in (0, message.get_srcSystem()):
             return False
         component = message.get_srcComponent()
         if self.target_component in (0, component):
             return True
-        return component == HUB_COMPONENT and message.get_type() == "STATUSTEXT"
+        from_hub = component == HUB_COMPONENT and message.get_type() == "STATUSTEXT"
+        return from_hub or message.get_type() == "RADIO_STATUS"
 
     def hand_out(self, message: Message) -> None:
         """Give a message to the listeners."""

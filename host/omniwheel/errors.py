@@ -9,6 +9,7 @@
     │   ├── LinkOpenError             port or address cannot be opened
     │   ├── LinkLostError             the other end went away
     │   ├── LinkTimeoutError          no answer in time
+    │   ├── SeveralRobotsError        more than one robot is on the line; says which (bad input)
     │   ├── OutsideLoopError          the robot is no longer in host-in-the-loop
     │   └── SigningKeyError           a signing key is missing, malformed, exposed or another one  (bad input)
     ├── ParameterError
@@ -94,6 +95,20 @@ class LinkLostError(LinkError):
 
 class LinkTimeoutError(LinkError, TimeoutError):
     """No answer in time."""
+
+
+class SeveralRobotsError(LinkError, ValueError):
+    """Several robots are on one line and none was chosen; ``systems`` are their system ids."""
+
+    exit_code = 2
+
+    def __init__(self, url: str, systems: Sequence[int]) -> None:
+        names = " and ".join(map(str, systems))
+        super().__init__(
+            f"several robots are on {url}: system ids {names}",
+            hint=f"choose one with --system {systems[0]}; in Python connect(..., system_id={systems[0]})",
+        )
+        self.systems = tuple(systems)
 
 
 class OutsideLoopError(LinkError):

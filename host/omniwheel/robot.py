@@ -480,21 +480,19 @@ def connect(
     """Connect to a robot and wait for its heartbeat.
 
     ``url`` is a link URL (:mod:`omniwheel.link`) or a link of one's own. A serial port that another program of ours
-    uses is shared with it (docs/guides/hub.md). ``system_id`` picks a robot where several share a link; ``recorder``
-    gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`). Without ``heartbeat`` the robot does
-    not count this program as a ground station. ``signing_key`` (32 bytes, :mod:`omniwheel.signing`) signs what is
-    sent, as a robot's radio wants it once a key is set. With ``stop_at_once`` an emergency stop for every robot that
-    hears it goes out before any heartbeat has come, and again until one has. Raises LinkUrlError, LinkOpenError,
-    LinkLostError, LinkTimeoutError, SigningKeyError.
+    uses is shared with it (docs/guides/hub.md). ``system_id`` chooses a robot where several share a link: without it,
+    they are refused. ``recorder`` gets every frame of both directions (:meth:`omniwheel.tlog.TlogWriter.write`).
+    Without ``heartbeat`` the robot does not count this program as a ground station. ``signing_key`` (32 bytes,
+    :mod:`omniwheel.signing`) signs what is sent, as a robot's radio wants it once a key is set. With ``stop_at_once``
+    an emergency stop for every robot that hears it goes out before any heartbeat has come, and again until one has.
+    Raises LinkUrlError, LinkOpenError, LinkLostError, LinkTimeoutError, SeveralRobotsError, SigningKeyError.
     """
     link: Link = open_shared(url, timeout_s=timeout_s) if isinstance(url, str) else url
     signer = Signer(signing_key) if signing_key is not None else None
     connection = Connection(link, clock=clock, heartbeat=heartbeat, recorder=recorder, signer=signer)
     try:
-        heard = await_robot(connection, system_id, timeout_s, stop_at_once)
         robot = Robot(connection, table=load_parameters(params_path()), timeout_s=timeout_s)
-        for message in heard:
-            connection.hand_out(message)
+        await_robot(connection, system_id, timeout_s, stop_at_once)
     except BaseException:
         connection.close()
         raise

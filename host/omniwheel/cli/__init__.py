@@ -12,6 +12,7 @@ import typer
 
 from omniwheel.cli.group import OmniGroup
 from omniwheel.default_key import set_default_key
+from omniwheel.default_system import LAST_SYSTEM, set_default_system
 
 app = typer.Typer(
     name="omni",
@@ -40,6 +41,7 @@ def _show_version(wanted: bool) -> None:
 
 @app.callback()
 def _options(
+    ctx: typer.Context,
     show_version: Annotated[
         bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Print the version and exit.")
     ] = False,
@@ -54,6 +56,19 @@ def _options(
             show_default=False,
         ),
     ] = None,
+    system: Annotated[
+        int | None,
+        typer.Option(
+            "--system",
+            envvar="OMNI_SYSTEM",
+            metavar="N",
+            min=1,
+            max=LAST_SYSTEM,
+            help="The robot's system id (SYS_ID), where several robots share a line. For every command that takes "
+            "--link, at any place in the line.",
+            show_default=False,
+        ),
+    ] = None,
 ) -> None:
     """Drive, tune and simulate omni-wheel robots."""
     key = None
@@ -62,6 +77,8 @@ def _options(
 
         key = read_key_file(signing_key)
     set_default_key(key)
+    set_default_system(system)
+    ctx.call_on_close(lambda: set_default_system(None))
 
 
 def main() -> None:

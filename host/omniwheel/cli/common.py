@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omniwheel.cli import completion
+from omniwheel.default_system import default_system
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
 from omniwheel.plain import finite, typed_number
 
@@ -72,7 +73,8 @@ LinkOption = Annotated[
         envvar="OMNI_LINK",
         metavar="URL",
         help="Where the robot is: /dev/ttyACM0\\[,baud], COM3\\[,baud], tcp:host:port, udp:host:port. Default: the one "
-        "Teensy that is connected. If the radio has a key, add --signing-key FILE.",
+        "Teensy that is connected. If the radio has a key, add --signing-key FILE. If several robots share it, add "
+        "--system N.",
         show_default=False,
         autocompletion=completion.ports,
     ),
@@ -132,8 +134,9 @@ def open_robot(
     from omniwheel.robot import connect
 
     timeout_s = DEFAULT_TIMEOUT_S if timeout_s is None else timeout_s
-    robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder)
+    robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder, system_id=default_system())
     say_if_shared(robot)
+    _say_if_others_come(robot)
     if texts:
         robot.connection.add_listener(_show_text)
     try:
@@ -164,6 +167,17 @@ def say_if_shared(robot: Robot) -> None:
         from rich.markup import escape
 
         _console(stderr=True).print(f"[dim]{escape(notice)}[/]", soft_wrap=True)
+
+
+def _say_if_others_come(robot: Robot) -> None:
+    """Say when another robot is heard on the line, unless one was chosen."""
+
+    def say(number: int) -> None:
+        mine = robot.connection.target_system
+        _warn(f"another robot, system id {number}, is on this line; this command is to {mine} (--system chooses)")
+
+    if default_system() is None:
+        robot.connection.on_other_robot = say
 
 
 def _warn(text: str) -> None:

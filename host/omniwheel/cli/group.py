@@ -22,7 +22,7 @@ from omniwheel.files import write_error
 from omniwheel.paths import MissingFileError
 from omniwheel.stale_build import HINT, stale_build
 
-_SIGNING_KEY = "--signing-key"
+_ANYWHERE = ("--signing-key", "--system")
 _ENTRIES = {entry.name: entry for entry in TABLE}
 
 
@@ -94,9 +94,9 @@ class OmniGroup(TyperGroup):
             raise typer.Exit(INTERRUPTED) from None
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Take --signing-key from wherever it stands: it belongs to every command that takes --link."""
+        """Take --signing-key and --system from wherever they stand: they belong to every command that takes --link."""
         try:
-            return super().parse_args(ctx, _signing_key_first(args))
+            return super().parse_args(ctx, _options_first(args))
         except OSError as error:  # --install-completion writes into the home folder
             raise _system_error(ctx, error) from error
 
@@ -134,13 +134,17 @@ def _system_error(ctx: typer.Context, error: OSError) -> typer.Exit:
     return _reported(ctx, OmniError(f"{where}{error.strerror or error}"), write_error("", error).hint, FAILED)
 
 
-def _signing_key_first(args: list[str]) -> list[str]:
+def _options_first(args: list[str]) -> list[str]:
     end = args.index("--") if "--" in args else len(args)
-    for at, word in enumerate(args[:end]):
-        if word == _SIGNING_KEY or word.startswith(f"{_SIGNING_KEY}="):
-            after = at + 1 if "=" in word else at + 2
-            return [*args[at:after], *args[:at], *args[after:]]
-    return args
+    first: list[str] = []
+    rest: list[str] = []
+    at = 0
+    while at < end:
+        option, equals, _ = args[at].partition("=")
+        after = at + 1 if option not in _ANYWHERE or equals else min(at + 2, end)
+        (first if option in _ANYWHERE else rest).extend(args[at:after])
+        at = after
+    return [*first, *rest, *args[end:]]
 
 
 def _reported(ctx: typer.Context, error: Exception, hint: str, exit_code: int) -> typer.Exit:

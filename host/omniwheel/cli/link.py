@@ -19,6 +19,7 @@ from omniwheel.cli.common import (
     signals_interrupt,
 )
 from omniwheel.default_key import default_key
+from omniwheel.default_system import default_system
 from omniwheel.limits import HUB_LISTEN
 
 if TYPE_CHECKING:
@@ -74,7 +75,8 @@ def link(
     limit = None if budget is None else radio_budget(budget)
     url, diary = link_url(link), Diary()
     try:
-        with signals_interrupt(), HubServer(url, addresses, budget=limit, signer=signer) as server:
+        hub = HubServer(url, addresses, budget=limit, signer=signer, system_id=default_system())
+        with signals_interrupt(), hub as server:
             server.ask_owner(HAND_OVER_WITHIN_S)
             _announce(server, url, as_json)
             while True:

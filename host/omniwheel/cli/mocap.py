@@ -23,6 +23,7 @@ from omniwheel.cli.common import (
     writable_path,
 )
 from omniwheel.cli.options import ForceOption, OwnSeedOption, SourceOption
+from omniwheel.default_system import default_system
 from omniwheel.limits import (
     DEFAULT_TIMEOUT_S,
     MOCAP_BUDGET_BYTES_S,
@@ -86,7 +87,7 @@ def bridge(
     url = link_url(link)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
-        with Bridge(stream, url, settings, timeout_s=timeout) as running:
+        with Bridge(stream, url, settings, timeout_s=timeout, system_id=default_system()) as running:
             is_camera = source.startswith("camera:")
             possible_Hz = settings.possible_rate_sd_Hz if is_camera else settings.possible_rate_Hz
             if possible_Hz < rate:

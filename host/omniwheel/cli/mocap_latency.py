@@ -10,6 +10,7 @@ import typer
 
 from omniwheel.cli.common import JsonOption, LinkOption, TimeoutOption, console, examples, link_url, note, print_json
 from omniwheel.cli.options import OwnSeedOption, SourceOption, measure_option
+from omniwheel.default_system import default_system
 from omniwheel.limits import DEFAULT_TIMEOUT_S, MOCAP_MAX_AGE_S
 
 if TYPE_CHECKING:
@@ -46,7 +47,8 @@ def latency(
     url = link_url(link)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
-        with connect(open_shared(url, timeout_s=timeout), timeout_s=timeout, heartbeat=False) as robot:
+        shared = open_shared(url, timeout_s=timeout)
+        with connect(shared, timeout_s=timeout, heartbeat=False, system_id=default_system()) as robot:
             note(
                 "Turn the robot to the left and back on the floor, by a quarter turn, about once a second, but not "
                 f"evenly, for {duration:g} s. By hand will do.",

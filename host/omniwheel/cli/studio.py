@@ -16,6 +16,7 @@ from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, LinkOption, console, error_console, examples, print_json, signals_interrupt
 from omniwheel.cli.options import DEFAULT_OUT, HostOption, ListenPortOption, OutOption, OwnSeedOption
 from omniwheel.cli.run_output import RobotOption
+from omniwheel.default_system import default_system
 from omniwheel.errors import LinkOpenError, MissingPackageError
 
 EXAMPLES = examples(
@@ -73,7 +74,7 @@ def studio(
             load_scenario(scenario, robot)  # what is wrong with it is said here
             model.simulate(Simulation(scenario, robot, seed))
         elif link:
-            model.connect(link)
+            model.connect(link, default_system())
         address = _address(listener, access.token)
         _announce(address, access.local, json_wanted)
         if browser:

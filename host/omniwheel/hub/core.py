@@ -60,6 +60,8 @@ class HubSettings:
     name: str
     bytes_s: float
     burst_bytes: float
+    system_id: int | None = None
+    """Of the robot that is served; None: the one that is heard first."""
 
 
 class Hub:
@@ -87,7 +89,7 @@ class Hub:
         self._own_s = float("-inf")
         self._own_number = 0
         self._own_tries: Counter[tuple[int, float]] = Counter()
-        self._robot = FollowedRobot()
+        self._robot = FollowedRobot(settings.system_id)
         self._boot_ms = 0
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}

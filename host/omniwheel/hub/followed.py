@@ -12,11 +12,12 @@ SILENCE_S = 10.0
 class FollowedRobot:
     """The robot that was heard first; another one counts once this one is silent. Times are the hub's clock's.
 
-    ``source`` is its (system, component).
+    ``source`` is its (system, component). If a ``system_id`` was chosen, it is the only one that counts.
     """
 
-    def __init__(self) -> None:
-        self.source = (1, 1)
+    def __init__(self, system_id: int | None = None) -> None:
+        self.source = (system_id or 1, 1)
+        self._chosen = system_id is not None
         self._heard_s = float("-inf")
         self._requested_s: dict[int, float] = {}
         """When a client asked for a system id that the robot has neither refused nor used yet."""
@@ -39,7 +40,7 @@ class FollowedRobot:
         """Return whether an autopilot's heartbeat is this robot's; follow it if it has a new id or is the next one."""
         asked_s = self._requested_s.get(source[0], float("-inf"))
         renamed = source[1] == self.source[1] and now_s - asked_s < SILENCE_S
-        if source != self.source and not renamed and now_s - self._heard_s < SILENCE_S:
+        if source != self.source and not renamed and (self._chosen or now_s - self._heard_s < SILENCE_S):
             return False
         if source != self.source:
             self._requested_s.clear()

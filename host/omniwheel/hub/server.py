@@ -47,12 +47,19 @@ def short_name(device: str) -> str:
 class HubServer:
     """Serves the robot's link ``url`` at the addresses ``listen``; a context manager.
 
-    ``budget`` None: what the link's kind allows. Raises LinkUrlError; LinkOpenError if it cannot listen, or if another
-    hub serves the port; OutputFileError if no program could find it. A port that is not there is waited for.
+    ``budget`` None: what the link's kind allows. ``system_id`` chooses a robot where several share the link. Raises
+    LinkUrlError; LinkOpenError if it cannot listen, or if another hub serves the port; OutputFileError if no program
+    could find it. A port that is not there is waited for.
     """
 
     def __init__(
-        self, url: str, listen: Sequence[str], *, budget: Budget | None = None, signer: Signer | None = None
+        self,
+        url: str,
+        listen: Sequence[str],
+        *,
+        budget: Budget | None = None,
+        signer: Signer | None = None,
+        system_id: int | None = None,
     ) -> None:
         if not places.can_share():
             raise LinkOpenError("the hub needs Linux or macOS, and a folder for temporary files")
@@ -60,7 +67,8 @@ class HubServer:
         self._url = url
         self.device = self._address.place if self._address.kind == "serial" else url
         budget = budget_of(url, os.path.realpath(self.device)) if budget is None else budget
-        self.hub = Hub(HubSettings(short_name(self.device), budget.bytes_s, budget.burst_bytes), time.monotonic, signer)
+        settings = HubSettings(short_name(self.device), budget.bytes_s, budget.burst_bytes, system_id)
+        self.hub = Hub(settings, time.monotonic, signer)
         self.was_open = False
         self._link: FileLink | None = None
         self._next_open_s = float("-inf")

@@ -140,6 +140,7 @@ class Bridge:
         settings: BridgeSettings = BridgeSettings(),
         *,
         timeout_s: float = DEFAULT_TIMEOUT_S,
+        system_id: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.settings = settings
@@ -149,7 +150,7 @@ class Bridge:
         self._budget = ByteBudget(settings.budget_bytes_s, settings.frame_bytes(True) + OVERHEAD_BYTES, clock)
         base = open_shared(link, timeout_s=timeout_s) if isinstance(link, str) else link
         self._link = MeteredLink(base, self._budget)
-        self.robot: Robot = connect(self._link, timeout_s=timeout_s, heartbeat=False, clock=clock)
+        self.robot: Robot = connect(self._link, timeout_s=timeout_s, system_id=system_id, heartbeat=False, clock=clock)
         self._sync = TimeSync(self.robot.connection)
         self._waiting: MocapPose | None = None
         self._latency_sum_s = 0.0

@@ -25,6 +25,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 
 from omniwheel import parameter_file
+from omniwheel.default_system import LAST_SYSTEM
 from omniwheel.errors import OmniError
 from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
@@ -312,7 +313,10 @@ class StudioServer:
         url = request.get("url")
         if not isinstance(url, str) or not url:
             raise BadRequestError("which robot? an address is missing", hint="like /dev/ttyACM0 or tcp:127.0.0.1:5760")
-        await self._change(page, lambda: self.studio.connect(url))
+        system_id = None if request.get("system") is None else int(number_of(request, "system"))
+        if system_id is not None and not 1 <= system_id <= LAST_SYSTEM:
+            raise BadRequestError(f"system id {system_id}: allowed is 1..{LAST_SYSTEM}")
+        await self._change(page, lambda: self.studio.connect(url, system_id))
 
     async def _disconnect(self, page: Page, _request: Mapping[str, Any]) -> None:
         await self._change(page, self.studio.disconnect)

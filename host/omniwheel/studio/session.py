@@ -115,11 +115,13 @@ class Session:
     Everything that touches the robot runs in this object's thread; other threads hand it work by :meth:`do`. A stop
     (:meth:`stop_now`) waits for none of that work. ``lock`` guards :attr:`store`, :attr:`marks`, :attr:`texts` and
     :attr:`fixes`.
-    ``slowness`` says how many times slower than real time the robot lives, if it is simulated.
+    ``slowness`` says how many times slower than real time the robot lives, if it is simulated. ``system_id`` chooses a
+    robot where several share the link.
     """
 
-    def __init__(self, url: str, slowness: Callable[[], float] = lambda: 1.0) -> None:
+    def __init__(self, url: str, slowness: Callable[[], float] = lambda: 1.0, system_id: int | None = None) -> None:
         self.url = url
+        self._system_id = system_id
         self._slowness = slowness
         self.lock = threading.Lock()
         self.store = SampleStore()
@@ -250,12 +252,14 @@ class Session:
 
     def _serve(self) -> None:
         link = UrgentLink(open_shared(self.url, timeout_s=CONNECT_TIMEOUT_S))
-        with connect(link, timeout_s=CONNECT_TIMEOUT_S, stop_at_once=self._stop_wanted) as robot:
+        stop = self._stop_wanted
+        with connect(link, timeout_s=CONNECT_TIMEOUT_S, system_id=self._system_id, stop_at_once=stop) as robot:
             self._link, self.robot = link, robot
             if self._stop_wanted:
                 self._confirm_stop(robot)
             robot.require_same_parameters()
             robot.connection.add_listener(self._take)
+            robot.connection.on_other_robot = self._say_other
             robot.parameters.download()
             self.edits = Edits(robot.parameters)
             self._keep_history(robot)
@@ -376,6 +380,13 @@ class Session:
         robot.parameters.on_change = changed
 
     def _warn(self, error: OmniError) -> None:
+        self._say(f"the change is not in the history: {error}")
+
+    def _say_other(self, system: int) -> None:
+        if self._system_id is None:
+            self._say(f"another robot, system id {system}, is on this line: its commands are not from here")
+
+    def _say(self, text: str) -> None:
         with self.lock:
             self.text_count += 1
-            self.texts.append((self.text_count, StatusText(4, f"the change is not in the history: {error}")))
+            self.texts.append((self.text_count, StatusText(4, text)))

@@ -125,15 +125,16 @@ class Studio:
 
     # ---- the robot
 
-    def connect(self, url: str) -> None:
+    def connect(self, url: str, system_id: int | None = None) -> None:
         """Connect to a robot instead of the one before. Raises BadRequestError during an upload to one."""
         self.flasher.require_idle()
         self.disconnect()
-        self._begin(url)
+        self._begin(url, system_id)
 
-    def _begin(self, url: str) -> None:
+    def _begin(self, url: str, system_id: int | None = None) -> None:
         simulated = self.simulated
-        self.session = Session(url, (lambda: 1.0) if simulated is None else (lambda: simulated.slowness))
+        slowness = (lambda: 1.0) if simulated is None else (lambda: simulated.slowness)
+        self.session = Session(url, slowness, system_id)
         if self.commanding is not None:
             self.heard(self.commanding)
         self.session.start()

@@ -24,8 +24,13 @@ export class Chooser {
     id("processor").onchange = () => this.#processor();
     id("port-form").onsubmit = (event) => {
       event.preventDefault();
-      this.#try("connect", { url: id("url").value.trim() });
+      this.#try("connect", { url: id("url").value.trim(), system: this.#system() });
     };
+  }
+
+  /** The system id that was typed, null without one. */
+  #system() {
+    return id("system").value === "" ? null : id("system").valueAsNumber;
   }
 
   async open() {
@@ -55,7 +60,7 @@ export class Chooser {
       const button = document.createElement("button");
       button.type = "button";
       button.textContent = `${url}${what ? ` (${what})` : ""}`;
-      button.onclick = () => this.#try("connect", { url });
+      button.onclick = () => this.#try("connect", { url, system: this.#system() });
       return button;
     }));
     if (choices.ports.length === 0) id("ports").textContent = "No serial port is there.";
