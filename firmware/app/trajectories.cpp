@@ -50,7 +50,7 @@ OMNI_COLD uint8_t Trajectories::plan() {
         return MAV_RESULT_FAILED;
     }
     if (waiting_) {
-        return MAV_RESULT_ACCEPTED; // planned again from where the robot stands when it arms: said when it was asked for
+        return MAV_RESULT_ACCEPTED; // said when it was asked for; now it was planned from where the robot stands
     }
     if (path.needed_scale > path.scale * 1.001f) {
         texts_.refuse(MAV_SEVERITY_WARNING,

@@ -27,6 +27,11 @@ def history(tmp_path: Path) -> RobotHistory:
     return RobotHistory(tmp_path / "deep" / "robot.jsonl")
 
 
+def path_of(history: RobotHistory) -> Path:
+    assert history.path is not None
+    return history.path
+
+
 def keep(robot: Robot, history: RobotHistory, command: str = "test", why: str = "") -> ChangeRecorder:
     def fail(error: OutputFileError) -> None:
         raise error
@@ -107,8 +112,8 @@ def test_an_entry_that_is_not_there_is_refused(robot: Robot, history: RobotHisto
 def test_a_line_cut_short_loses_only_itself(robot: Robot, history: RobotHistory) -> None:
     change(robot, history, {"WS_P": 0.5})
     change(robot, history, {"WS_I": 2.0})
-    whole = history.path.read_bytes()
-    history.path.write_bytes(whole[:-10])
+    whole = path_of(history).read_bytes()
+    path_of(history).write_bytes(whole[:-10])
     assert [list(entry.changes) for entry in history.entries()] == [["WS_P"]]
     change(robot, history, {"WS_D": 0.001})
     assert [list(entry.changes) for entry in history.entries()] == [["WS_P"], ["WS_D"]]
@@ -123,8 +128,8 @@ def test_a_line_cut_short_loses_only_itself(robot: Robot, history: RobotHistory)
 )
 def test_strange_lines_are_passed_over(robot: Robot, history: RobotHistory, line: str) -> None:
     change(robot, history, {"WS_P": 0.5})
-    session = json.dumps(json.loads(history.path.read_text().splitlines()[0])["session"])
-    with history.path.open("a") as file:
+    session = json.dumps(json.loads(path_of(history).read_text().splitlines()[0])["session"])
+    with path_of(history).open("a") as file:
         file.write(line.replace("SAME", session) + "\n")
     assert [list(entry.changes) for entry in history.entries()] == [["WS_P"]]
 
@@ -170,7 +175,7 @@ def test_a_full_disk_keeps_no_change_from_the_robot(
     robot: Robot, history: RobotHistory, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     change(robot, history, {"WS_P": 0.5})
-    whole = history.path.read_bytes()
+    whole = path_of(history).read_bytes()
     warned: list[OutputFileError] = []
     ChangeRecorder(robot, history, "test", "", warned.append)
     real = os.write
@@ -186,17 +191,17 @@ def test_a_full_disk_keeps_no_change_from_the_robot(
     monkeypatch.undo()
     assert robot.parameters["WS_P"] == 0.75
     assert len(warned) == 1
-    assert history.path.read_bytes() == whole
+    assert path_of(history).read_bytes() == whole
 
 
 def test_a_robot_is_known_by_its_serial_number_or_its_link(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("OMNI_STATE_DIR", str(tmp_path))
     assert history_file(15049900, "/dev/ttyACM0") == history_file(15049900, "tcp:other:1")
-    assert history_file(0, "tcp:127.0.0.1:5760").name == "link-tcp-127.0.0.1-5760.jsonl"
+    assert str(history_file(0, "tcp:127.0.0.1:5760")).rpartition("/")[2] == "link-tcp-127.0.0.1-5760.jsonl"
     assert history_file(0, "/dev/ttyACM0") != history_file(0, "/dev/ttyACM1")
     monkeypatch.delenv("OMNI_STATE_DIR")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    assert history_file(1, "").parent == tmp_path / "state" / "omniwheel" / "history"
+    assert history_file(1, "") == tmp_path / "state" / "omniwheel" / "history" / "robot-1.jsonl"
 
 
 def omni(*words: str) -> str:

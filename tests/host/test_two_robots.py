@@ -14,8 +14,9 @@ from omniwheel.cli.group import _options_first
 from omniwheel.default_system import default_system
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError, SeveralRobotsError
+from omniwheel.hub.core import HubSettings
 from tests.host.two_robots import FIRST, SECOND, TwoRobots, everybody_connects_to
-from tests.hub.bench import Bench, HubSettings
+from tests.hub.bench import Bench
 
 ARM, ESTOP = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_OMNI_ESTOP
 LINK = ("--link", "tcp:127.0.0.1:1")

@@ -106,14 +106,6 @@ def take_words_as_they_are(command: Any) -> Any:
     return command
 
 
-def _python_takes(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
 def _type_of(parameter: Any) -> Any:
     """Return an argument's type; typer on its own and typer upon click keep it in different places."""
     descriptor = getattr(parameter, "type_descriptor", None)
@@ -128,7 +120,7 @@ def _is_number(annotation: Any) -> bool:
 
 
 def _check_number(parameter: Any) -> None:
-    """Refuse what Python takes for a number and nobody types as one: 2_8, nan, digits of other scripts."""
+    """Refuse what is no number, also what parsers take for one and nobody types: 2_8, 1e_3, digits of other scripts."""
     if getattr(parameter, "omni_checked", False):
         return
     parameter.omni_checked = True
@@ -136,8 +128,8 @@ def _check_number(parameter: Any) -> None:
 
     def checked(ctx: Any, value: Any) -> Any:
         for word in value if isinstance(value, (list, tuple)) else (value,):
-            if not isinstance(word, str) or is_typed_number(word) or not _python_takes(word):
-                continue  # what is no number to Python either is refused below
+            if not isinstance(word, str) or is_typed_number(word):
+                continue
             if word.lower().lstrip("+-") != "nan" or parameter.param_type_name == "option":  # set-points say which
                 raise typer.BadParameter(f"{word!r} is not a number", ctx=ctx, param=parameter)
         return convert(ctx, value)

@@ -45,7 +45,7 @@ def runs(
         print_json({"runs": [_document(entry) for entry in entries]})
         return
     if not entries:
-        console.print(f"no runs in {escape(str(folder))}")
+        console.print(f"no runs in {escape(str(folder))}", soft_wrap=True)
         return
     for entry in entries:
         console.print(f"[cyan]{escape(entry.name)}[/]", soft_wrap=True)  # a name is copied: it stays in one piece
@@ -118,4 +118,4 @@ def delete(
     if as_json:
         print_json({"deleted": str(entry.folder)})
     else:
-        console.print(f"{escape(str(entry.folder))} deleted")
+        console.print(f"{escape(str(entry.folder))} deleted", soft_wrap=True)
