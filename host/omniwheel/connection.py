@@ -13,6 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.default_key import default_key
+from omniwheel.default_system import LAST_SYSTEM
 from omniwheel.dialect import HUB_COMPONENT, Message, is_autopilot, mavlink, take_bytes
 from omniwheel.link import Link
 from omniwheel.signing import Signer
@@ -20,6 +21,8 @@ from omniwheel.signing import Signer
 GROUND_STATION_ID = 255
 GROUND_COMPONENT_ID = 190
 HEARTBEAT_PERIOD_S = 1.0
+RENAMED_AFTER_S = 1.5
+"""A robot that has another system id is silent under its old one for longer than its heartbeats are apart."""
 _MAVLINK2_MAGIC = 0xFD
 _POLL_S = 0.1
 
@@ -65,6 +68,8 @@ class Connection:
         self.target_component = 0
         self.other_systems: set[int] = set()
         """System ids of other robots that are on the line, too; nothing here is for them."""
+        self._new_systems = range(0)
+        self._heard_s = float("-inf")
         self.on_other_robot: Callable[[int], None] | None = None
         """Called with the system id of another robot when it is heard for the first time."""
         self.rx_bytes = 0
@@ -180,12 +185,39 @@ class Connection:
                 continue
             if self.recorder is not None:
                 self.recorder(bytes(frame))
+            if self._is_renamed(message):
+                self.target_system = message.get_srcSystem()
             if self.is_from_robot(message):
+                self._heard_s = self.clock()
                 received.append(message)
                 self.hand_out(message)
             elif is_autopilot(message):
                 self._note_other(message.get_srcSystem())
         return received
+
+    @contextmanager
+    def following(self, system: int | None = None) -> Iterator[None]:
+        """Follow the robot to another system id while the context lasts: to ``system``, or to any that nobody else has.
+
+        For what changes SYS_ID: an answer from the new id is the robot's. To an id that is not known beforehand a
+        heartbeat counts only once the old id is silent.
+        """
+        self._new_systems = range(1, LAST_SYSTEM + 1) if system is None else range(system, system + 1)
+        try:
+            yield
+        finally:
+            self._new_systems = range(0)
+
+    def _is_renamed(self, message: Message) -> bool:
+        system = message.get_srcSystem()
+        if system not in self._new_systems or system in (self.target_system, *self.other_systems):
+            return False
+        if message.get_srcComponent() != self.target_component:
+            return False
+        if message.get_type() in ("PARAM_VALUE", "COMMAND_ACK"):
+            return True
+        known = len(self._new_systems) == 1 or self.clock() - self._heard_s > RENAMED_AFTER_S
+        return known and is_autopilot(message)
 
     def _note_other(self, system: int) -> None:
         if system in (self.target_system, *self.other_systems):

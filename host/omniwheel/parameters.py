@@ -8,7 +8,9 @@ eighth digit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 from omni_schema import Parameter, ParameterTable, SchemaError, as_float32
 from omni_schema.errors import did_you_mean
@@ -34,6 +36,8 @@ QUIET_S = 0.7
 WINDOW = 12
 FEW = 4
 NOT_AN_INDEX = -1
+SYSTEM = "SYS_ID"
+"""The robot answers with its new number as soon as it has one."""
 
 Progress = Callable[[int, int], None]
 ParameterValue = float | str | bool
@@ -187,7 +191,10 @@ class Parameters(MutableMapping[str, float]):
         if name not in self.table:
             self._require_known(name)
             return as_float32(float(value))
-        return checked_value(self.table, name, value)
+        checked = checked_value(self.table, name, value)
+        if name == SYSTEM and checked in self._connection.other_systems:
+            raise ParameterRangeError(f"{name} {checked:g}: another robot on this line has it", hint="choose another")
+        return checked
 
     def set_many(self, values: Mapping[str, ParameterValue]) -> None:
         """Set several parameters, all or none.
@@ -239,6 +246,10 @@ class Parameters(MutableMapping[str, float]):
             self.on_change(changes)
 
     def _set_on_robot(self, name: str, value: float) -> None:
+        with self._connection.following(int(value)) if name == SYSTEM else nullcontext():
+            self._set_and_confirm(name, value)
+
+    def _set_and_confirm(self, name: str, value: float) -> None:
         mark = self._texts.mark()
         message = mavlink.MAVLink_param_set_message(
             *self._target(), name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
@@ -290,8 +301,9 @@ class Parameters(MutableMapping[str, float]):
             self._count = message.param_count
             self._names[message.param_index] = name
 
-    def _ask(self, message: Message, name: str) -> None:
+    def _ask(self, message: Any, name: str) -> None:
         for number in range(TRIES):
+            message.target_system, message.target_component = self._target()
             for _ in range(_copies(number)):
                 self._connection.send(message)
             answer = self._connection.wait(lambda m: _is_parameter(m) and _name_of(m) == name, REPLY_TIMEOUT_S)

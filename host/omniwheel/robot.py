@@ -17,13 +17,7 @@ from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_c
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
-from omniwheel.errors import (
-    ArmingRefusedError,
-    CommandRefusedError,
-    LinkTimeoutError,
-    OmniError,
-    VersionMismatchError,
-)
+from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeoutError, OmniError, VersionMismatchError
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.first_contact import await_robot
 from omniwheel.frames import Pose, Twist
@@ -31,7 +25,7 @@ from omniwheel.hub.shared_link import open_shared
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.link import Link
 from omniwheel.log_download import LogDownload, Progress
-from omniwheel.parameters import Parameters, checked_value
+from omniwheel.parameters import SYSTEM, Parameters, checked_value
 from omniwheel.paths import params_path
 from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
 from omniwheel.signing import Signer, fingerprint, setup_message
@@ -446,9 +440,11 @@ class Robot:
         raise CommandRefusedError("the signing key", "DENIED", self.texts.reasons_since(mark))
 
     def _storage(self, action: int, what: str) -> None:
-        self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
-        if action != _STORE:  # storing changes no value
-            self.parameters.forget()
+        with self.connection.following():
+            self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
+            if action != _STORE:  # storing changes no value; else this may be another SYS_ID
+                self.parameters.forget()
+                self.parameters.read(SYSTEM)
 
     def reboot(self) -> None:
         """Restart the firmware; refused while armed."""

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
-from omniwheel.dialect import Message
+from omniwheel.connection import RENAMED_AFTER_S
+from omniwheel.dialect import Message, mavlink
 
 SILENCE_S = 10.0
 """A robot that is silent for so long may be another one from then on."""
+_MAY_RENAME = (mavlink.MAV_CMD_PREFLIGHT_STORAGE, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN)
 
 
 class FollowedRobot:
@@ -19,6 +21,10 @@ class FollowedRobot:
         self.source = (system_id or 1, 1)
         self._chosen = system_id is not None
         self._heard_s = float("-inf")
+        self._others: set[int] = set()
+        """System ids of other robots."""
+        self._reset_s = float("-inf")
+        """When a client last had all parameters replaced, or the robot restarted: SYS_ID may have another value."""
         self._requested_s: dict[int, float] = {}
         """When a client asked for a system id that the robot has neither refused nor used yet."""
 
@@ -27,7 +33,9 @@ class FollowedRobot:
         self._heard_s = float("-inf")
 
     def watch_request(self, message: Message, now_s: float) -> None:
-        """Remember a client's request for another SYS_ID."""
+        """Remember a client's request for another SYS_ID, or for what may bring one."""
+        if message.get_type() in ("COMMAND_LONG", "COMMAND_INT") and message.command in _MAY_RENAME:
+            self._reset_s = now_s
         if message.get_type() == "PARAM_SET" and message.param_id == "SYS_ID" and 1.0 <= message.param_value <= 254.0:
             self._requested_s[int(message.param_value)] = now_s
 
@@ -38,11 +46,21 @@ class FollowedRobot:
 
     def accept_heartbeat(self, source: tuple[int, int], now_s: float) -> bool:
         """Return whether an autopilot's heartbeat is this robot's; follow it if it has a new id or is the next one."""
-        asked_s = self._requested_s.get(source[0], float("-inf"))
-        renamed = source[1] == self.source[1] and now_s - asked_s < SILENCE_S
-        if source != self.source and not renamed and (self._chosen or now_s - self._heard_s < SILENCE_S):
+        if source != self.source and not (self._is_renamed(source, now_s) or self._is_next(now_s)):
+            self._others.add(source[0])
             return False
         if source != self.source:
             self._requested_s.clear()
         self.source, self._heard_s = source, now_s
         return True
+
+    def _is_next(self, now_s: float) -> bool:
+        return not self._chosen and now_s - self._heard_s >= SILENCE_S
+
+    def _is_renamed(self, source: tuple[int, int], now_s: float) -> bool:
+        if source[1] != self.source[1]:
+            return False
+        if now_s - self._requested_s.get(source[0], float("-inf")) < SILENCE_S:
+            return True
+        silent = now_s - self._heard_s > RENAMED_AFTER_S
+        return silent and now_s - self._reset_s < SILENCE_S and source[0] not in self._others

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: MIT
+"""A robot that gets another SYS_ID: whoever gave it goes on talking to it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel.cli import app
+from omniwheel.dialect import mavlink
+from omniwheel.errors import ParameterRangeError, ParameterRefusedError
+from omniwheel.hub.followed import FollowedRobot
+from tests.host.two_robots import FIRST, SECOND, TwoRobots
+
+GIVEN = {"SYS_ID": 2.0, "MOT_R": 2.75}
+STORAGE, REBOOT = mavlink.MAV_CMD_PREFLIGHT_STORAGE, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+
+
+@pytest.fixture
+def storage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("OMNI_STATE_DIR", str(tmp_path / "state"))
+    return tmp_path / "robot.bin"
+
+
+@pytest.fixture
+def url(storage: Path) -> Iterator[str]:
+    with FirmwareProcess("three_wheel", storage=storage) as firmware:
+        yield firmware.urls[0]
+
+
+def omni(*words: str) -> Any:
+    result = CliRunner().invoke(app, [*words, "--json"])
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def values(robot: Robot) -> dict[str, float]:
+    return {name: robot.parameters.read(name) for name in GIVEN}
+
+
+@pytest.mark.full
+def test_the_rest_of_a_line_is_set_and_stored(url: str) -> None:
+    assert set(omni("params", "set", "SYS_ID=2", "MOT_R=2.75", "--store", "--link", url)) == set(GIVEN)
+    with connect(url, system_id=2) as robot:
+        robot.restore()
+        assert values(robot) == pytest.approx(GIVEN)
+
+
+@pytest.mark.full
+def test_another_robots_file_is_loaded_whole_and_taken_back(url: str, tmp_path: Path) -> None:
+    file = tmp_path / "other.toml"
+    file.write_text("[parameters]\nSYS_ID = 2\nMOT_R = 2.75\n", encoding="utf-8")
+    with connect(url) as robot:
+        old = values(robot)
+    assert set(omni("params", "load", str(file), "--link", url)) == set(GIVEN)
+    assert set(omni("params", "undo", "--link", url)) == set(GIVEN)
+    with connect(url) as robot:
+        assert values(robot) == old
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("take_back", [Robot.reset_parameters, Robot.restore])
+def test_a_robot_is_followed_to_the_number_that_it_had(url: str, take_back: Any) -> None:
+    with connect(url) as robot:
+        old = values(robot)
+        robot.parameters.set_many(GIVEN)
+        assert values(robot) == pytest.approx(GIVEN)
+        take_back(robot)
+        assert values(robot) == old
+        assert robot.connection.target_system == old["SYS_ID"]
+
+
+@pytest.mark.full
+def test_a_refused_set_brings_the_number_back(url: str) -> None:
+    with connect(url) as robot:
+        old, first = values(robot), robot.parameters["W1_ANGLE"]
+        with pytest.raises(ParameterRefusedError):
+            robot.parameters.set_many({"SYS_ID": 2.0, "W2_ANGLE": first, "W3_ANGLE": first})
+        assert values(robot) == old
+
+
+def test_the_number_of_another_robot_on_the_line_is_refused_before_anything_is_sent() -> None:
+    line = TwoRobots()
+    with connect(line, clock=line.clock, system_id=FIRST) as robot:
+        robot.pump(2.0)
+        with pytest.raises(ParameterRangeError):
+            robot.parameters.set_many({"WS_P": 4.5, "SYS_ID": SECOND})
+    assert not [m for one in line.robots.values() for m in one.received if m.get_type() == "PARAM_SET"]
+
+
+# ---- the hub's side
+
+ROBOT, NEW, OTHER = (1, 1), (2, 1), (3, 1)
+
+
+@pytest.mark.parametrize("command", [STORAGE, REBOOT])
+def test_a_hub_follows_a_robot_whose_values_were_replaced(command: int) -> None:
+    followed = FollowedRobot()
+    assert followed.accept_heartbeat(ROBOT, 0.0)
+    assert not followed.accept_heartbeat(OTHER, 0.5)
+    followed.watch_request(mavlink.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7), 1.0)
+    assert not followed.accept_heartbeat(NEW, 1.1), "the robot may still be heard under its old number"
+    assert not followed.accept_heartbeat(OTHER, 3.0), "another robot was there before"
+
+
+def test_a_hub_takes_a_new_number_once_the_old_one_is_silent() -> None:
+    followed = FollowedRobot()
+    assert followed.accept_heartbeat(ROBOT, 0.0)
+    followed.watch_request(mavlink.MAVLink_command_long_message(1, 1, STORAGE, 0, *[0.0] * 7), 0.5)
+    assert followed.accept_heartbeat(NEW, 2.0)
+    assert followed.source == NEW
+
+
+def test_a_hub_follows_nobody_without_a_reason() -> None:
+    followed = FollowedRobot()
+    assert followed.accept_heartbeat(ROBOT, 0.0)
+    assert not followed.accept_heartbeat(NEW, 5.0)
