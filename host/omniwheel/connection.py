@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.default_key import default_key
-from omniwheel.default_system import LAST_SYSTEM
+from omniwheel.default_system import LAST_SYSTEM, RENAMED_AFTER_S
 from omniwheel.dialect import HUB_COMPONENT, Message, is_autopilot, mavlink, take_bytes
 from omniwheel.link import Link
 from omniwheel.signing import Signer
@@ -21,8 +21,6 @@ from omniwheel.signing import Signer
 GROUND_STATION_ID = 255
 GROUND_COMPONENT_ID = 190
 HEARTBEAT_PERIOD_S = 1.0
-RENAMED_AFTER_S = 1.5
-"""A robot that has another system id is silent under its old one for longer than its heartbeats are apart."""
 _MAVLINK2_MAGIC = 0xFD
 _POLL_S = 0.1
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 LAST_SYSTEM = 254
 """The largest SYS_ID; 255 are ground stations."""
+RENAMED_AFTER_S = 1.5
+"""A robot that has another system id is silent under its old one for longer than its heartbeats are apart."""
 _default_system: int | None = None
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from omniwheel.connection import RENAMED_AFTER_S
+from omniwheel.default_system import RENAMED_AFTER_S
 from omniwheel.dialect import Message, mavlink
 
 SILENCE_S = 10.0
