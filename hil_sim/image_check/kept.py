@@ -13,7 +13,7 @@ from hil_sim.image_check.stops import COMMAND_LIMIT_S, TURN_RAD_S, driving
 from hil_sim.rt1062 import Channel, Options
 from omniwheel.bringup.bench import safety_of
 from omniwheel.errors import ArmingRefusedError, CommandRefusedError
-from omniwheel.robot import Robot
+from omniwheel.robot import SETPOINT_PERIOD_S, Robot
 
 SLOW = 20
 """Time of an instruction [ns]: a tick still ends within its millisecond."""
@@ -82,6 +82,14 @@ def _restart(bench: Bench, name: str, way: Callable[[Bench], None]) -> Robot:
         robot = bench.connect(Channel.USB)
         robot.drive_velocity(0.0, 0.0, TURN_RAD_S, STAYS_S, stop=False)
     return robot
+
+
+def _stream(robot: Robot, duration_s: float) -> None:
+    """Go on asking for a turn, also of a robot that has stopped."""
+    end_s = robot.connection.clock() + duration_s
+    while robot.connection.clock() < end_s:
+        robot.set_velocity(0.0, 0.0, TURN_RAD_S)
+        robot.pump(SETPOINT_PERIOD_S)
 
 
 def _must_be(robot: Robot, state: str, when: str) -> None:
@@ -217,14 +225,14 @@ def _dip(bench: Bench) -> str:
     robot = driving(bench)
     kinds = [Kind("battery_sag", value=5.0), Kind("chip_power")]
     install(bench, kinds, float(bench.world.c.time_us) * 1e-6, DIP_S)
-    robot.drive_velocity(0.0, 0.0, TURN_RAD_S, DIP_S + SHOWN_S, stop=False)
+    _stream(robot, DIP_S + SHOWN_S)
 
     def stays_off() -> None:
         if bench.powered:
             raise CheckError("a bridge has power again after the supply was low")
 
     with bench.watched(stays_off):
-        robot.drive_velocity(0.0, 0.0, TURN_RAD_S, STAYS_S, stop=False)
+        _stream(robot, STAYS_S)
     _must_be(robot, "failsafe", "after the supply was low")
     return f"5 V for {1e3 * DIP_S:g} ms: stays off until disarmed"
 

@@ -34,6 +34,7 @@
     │   ├── MocapLostError            it cannot be reached, or went away
     │   ├── MocapLatencyError         its latency cannot be told; says what to do
     │   └── CameraError               pictures that cannot tell what was asked for; says what is missing
+    ├── StoppedError                  a drive was ended by the robot itself, or by another station or program
     ├── HostControlStopError          the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
@@ -109,6 +110,10 @@ class SeveralRobotsError(LinkError, ValueError):
             hint=f"choose one with --system {systems[0]}; in Python connect(..., system_id={systems[0]})",
         )
         self.systems = tuple(systems)
+
+
+class StoppedError(OmniError):
+    """A drive was ended by the robot itself, or by another station or program."""
 
 
 class OutsideLoopError(LinkError):

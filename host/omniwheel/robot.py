@@ -17,6 +17,7 @@ from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_c
 from omniwheel.commands import Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
+from omniwheel.drive_guard import DriveGuard
 from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeoutError, OmniError, VersionMismatchError
 from omniwheel.firmware_version import RobotVersion, version_from_message
 from omniwheel.first_contact import await_robot
@@ -65,7 +66,7 @@ class Robot:
         self.parameters = Parameters(connection, table, self.texts)
         self.commands = Commander(connection, self.texts)
         self._board = StatusBoard(connection)
-        self._armed_here = False
+        self.guard = DriveGuard(connection, self.texts, lambda: self.status)
         self._version: RobotVersion | None = None
         self.on_store: Callable[[], None] | None = None
         """Called when the robot has stored its parameters."""
@@ -83,7 +84,7 @@ class Robot:
     def close(self) -> None:
         """Disarm if this object armed the robot, then close the link."""
         try:
-            if self._armed_here:
+            if self.armed_here:
                 with suppress(OmniError):
                     self.disarm()
         finally:
@@ -174,26 +175,26 @@ class Robot:
     @property
     def armed_here(self) -> bool:
         """Whether this object has asked the robot to arm, was not refused, and has not disarmed or stopped it since."""
-        return self._armed_here
+        return self.guard.begun
 
     def arm(self) -> None:
         """Power the motors. Raises ArmingRefusedError with the robot's reasons."""
-        self._armed_here = True  # already now: Ctrl-C while the answer is on its way must disarm, too
+        self.guard.begin()  # already now: Ctrl-C while the answer is on its way must disarm, too
         try:
             self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
         except ArmingRefusedError:
-            self._armed_here = False
+            self.guard.end()
             raise
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""
         self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, FORCE, what="to disarm")
-        self._armed_here = False
+        self.guard.end()
 
     def estop(self) -> None:
         """Emergency stop, latched until :meth:`estop_clear`."""
         self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 1.0, what="to stop at once")
-        self._armed_here = False
+        self.guard.end()
 
     def estop_clear(self) -> None:
         """Release the emergency stop; the robot is then disarmed."""
@@ -255,7 +256,7 @@ class Robot:
     def drive_duty(self, duty: Sequence[float], duration_s: float, *, stop: bool = True) -> None:
         """Keep open-loop duties for ``duration_s``, then ask for zero duty unless ``stop`` is False.
 
-        Raises LimitError unless there is one duty per wheel; nothing was sent then.
+        Raises StoppedError, and LimitError unless there is one duty per wheel; nothing was sent then.
         """
         self.require_duty(duty)
         self.repeat(lambda: self.set_duty(duty), duration_s)
@@ -267,7 +268,7 @@ class Robot:
     ) -> None:
         """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False.
 
-        Raises LimitError if the robot cannot follow it (:meth:`require_velocity`); nothing was sent then.
+        Raises StoppedError, and LimitError if the robot cannot follow it (:meth:`require_velocity`): nothing was sent.
         """
         self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
         self.repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
@@ -275,14 +276,18 @@ class Robot:
             self.set_velocity(0.0, 0.0, 0.0, frame=frame)
 
     def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
-        """Keep asking for one world pose for ``duration_s``. Raises LimitError for one that the robot would refuse."""
+        """Keep asking for one world pose for ``duration_s``. Raises LimitError if it is not allowed, StoppedError."""
         self.require_pose(x, y, theta)
         self.repeat(lambda: self.set_pose(x, y, theta), duration_s)
 
     def repeat(self, action: Callable[[], None], duration_s: float) -> None:
-        """Call one of the ``set_`` methods again and again for ``duration_s``. No limit is checked here."""
+        """Call one of the ``set_`` methods again and again for ``duration_s``. No limit is checked here.
+
+        Raises StoppedError once the robot that was armed here has stopped by itself, or somebody else has stopped it.
+        """
         end = self.connection.clock() + finite("duration_s", duration_s)
         while self.connection.clock() < end:
+            self.guard.check()
             action()
             self.pump(min(SETPOINT_PERIOD_S, max(0.0, end - self.connection.clock())))
 

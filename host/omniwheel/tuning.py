@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
-from omniwheel.errors import LinkTimeoutError, OmniError
+from omniwheel.errors import LinkTimeoutError, OmniError, StoppedError
 from omniwheel.frames import Pose
 from omniwheel.robot import SETPOINT_PERIOD_S, Robot
 from omniwheel.telemetry import Tracking, decode
@@ -142,12 +142,10 @@ class Experiment:
         return self._robot.wait_for(Tracking, START_TIMEOUT_S)
 
     def _require_driving(self) -> None:
-        status = self._robot.status
-        if status.state in ("failsafe", "estop"):
-            faults = ", ".join(status.safety.fault_history) if status.safety is not None else "unknown"
-            raise ExperimentError(
-                f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room to move?"
-            )
+        try:
+            self._robot.guard.check()
+        except StoppedError as error:
+            raise ExperimentError(str(error), hint=error.hint) from error
 
     def _hold(self, pose: Pose, duration_s: float, *, arm: bool = False) -> list[Tracking]:
         """Ask for a pose for some time of the robot's clock and return the tracking meanwhile."""

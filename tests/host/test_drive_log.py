@@ -100,7 +100,7 @@ def test_a_drive_that_the_robot_ends_says_so(firmware: FirmwareProcess, tmp_path
     )
     assert driven.exit_code == 1, driven
     kept = json.loads((tmp_path / "drive-velocity" / "drive.json").read_text())
-    assert "stopped itself" in kept["end"]
+    assert "stopped by itself" in kept["end"]
     assert kept["stops"] != []
 
 

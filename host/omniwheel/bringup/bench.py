@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from omniwheel.bringup.result import Findings
 from omniwheel.dialect import Message
 from omniwheel.errors import OmniError
-from omniwheel.robot import Robot
+from omniwheel.robot import SETPOINT_PERIOD_S, Robot
 from omniwheel.telemetry import Health, Sample, Status, decode
 
 SAMPLE_HZ = 50.0
@@ -165,10 +165,18 @@ def left_released(robot: Robot) -> Iterator[None]:
             robot.estop_clear()
 
 
+def stream_duty(robot: Robot, duty: Sequence[float], duration_s: float) -> None:
+    """Send duties for ``duration_s``, also to a robot that has stopped: what it does then is what is looked at."""
+    end_s = robot.connection.clock() + duration_s
+    while (left_s := end_s - robot.connection.clock()) > 0.0:
+        robot.set_duty(duty)
+        robot.pump(min(SETPOINT_PERIOD_S, left_s))
+
+
 def spin(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str) -> bool:
     """Arm and turn all wheels; note if they do not turn."""
     robot.arm()
-    robot.drive_duty([duty] * layout.wheels, SPIN_S, stop=False)
+    stream_duty(robot, [duty] * layout.wheels, SPIN_S)
     turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
     if not turning:
         robot.disarm()

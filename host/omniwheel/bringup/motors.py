@@ -14,6 +14,7 @@ from omniwheel.bringup.bench import (
     flipped,
     layout_of,
     mean_voltage_V,
+    stream_duty,
     swapped,
     wheel_names,
 )
@@ -74,11 +75,11 @@ def _duties(layout: Layout, wheel: int, duty: float) -> list[float]:
 def _turn(robot: Robot, samples: Samples, layout: Layout, wheel: int, duty: float) -> Turn:
     duties = _duties(layout, wheel, duty)
     with armed(robot):
-        robot.drive_duty(duties, SETTLE_S, stop=False)
+        stream_duty(robot, duties, SETTLE_S)
         samples.forget()
-        robot.drive_duty(duties, RUN_S, stop=False)
+        stream_duty(robot, duties, RUN_S)
         before, after = samples.all[0], samples.all[-1]
-        robot.drive_duty([0.0] * layout.wheels, REST_S)
+        stream_duty(robot, [0.0] * layout.wheels, REST_S)
     time_s = after.time_s - before.time_s
     return Turn(duty, mean_voltage_V(before, after, wheel), counted(before, after, layout.wheels), time_s)
 
@@ -219,14 +220,14 @@ def _measure_dead_band(
     """Raise the duty until the wheel moves; a measurement, not a verdict."""
     step = max(MIN_COUNTS, layout.counts_per_revolution // 1000)
     with armed(robot):
-        robot.drive_duty([0.0] * layout.wheels, REST_S)
+        stream_duty(robot, [0.0] * layout.wheels, REST_S)
         start = samples.fresh()
         duty = 0.0
         while duty < limit:
             duty += _STEP_DUTY
-            robot.drive_duty(_duties(layout, wheel, duty), _STEP_S, stop=False)
+            stream_duty(robot, _duties(layout, wheel, duty), _STEP_S)
             if abs(counted(start, samples.all[-1], layout.wheels)[wheel]) >= step:
                 break
-        robot.drive_duty([0.0] * layout.wheels, REST_S)
+        stream_duty(robot, [0.0] * layout.wheels, REST_S)
     findings.measured[f"wheel_{wheel + 1}"]["dead_band_duty"] = duty
     findings.good(f"motor {wheel + 1} dead band", f"it moves from a duty of about {duty:.2f} on")

@@ -10,7 +10,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from omni_schema import Robot as RobotFile
-from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin
+from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin, stream_duty
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import mavlink
@@ -94,7 +94,7 @@ def _trial(
         return False
     since_s = samples.all[-1].time_s
     robot.commands.send(mavlink.MAV_CMD_OMNI_OE_TEST, TRIAL_S, float(release), what="to test the output-enable pin")
-    robot.drive_duty([duty] * layout.wheels, _STREAM_S, stop=False)
+    stream_duty(robot, [duty] * layout.wheels, _STREAM_S)
     robot.pump(_WATCH_S)
     time_s = rest_time_s(samples, layout, since_s)
     status = safety_of(robot)

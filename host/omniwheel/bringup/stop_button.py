@@ -7,7 +7,16 @@ from collections.abc import Callable
 from contextlib import suppress
 
 from omni_schema import Robot as RobotFile
-from omniwheel.bringup.bench import Layout, Samples, layout_of, left_released, rest_time_s, safety_of, spin
+from omniwheel.bringup.bench import (
+    Layout,
+    Samples,
+    layout_of,
+    left_released,
+    rest_time_s,
+    safety_of,
+    spin,
+    stream_duty,
+)
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import CommandRefusedError
@@ -85,7 +94,7 @@ def _press(robot: Robot, person: Person, findings: Findings, duty: float, wait_s
             findings.bad("press", f"nothing heard of it within {wait_s:g} s", _WIRE)
             return False
         since_s = samples.all[-1].time_s
-        robot.drive_duty([duty] * layout.wheels, _WATCH_S, stop=False)
+        stream_duty(robot, [duty] * layout.wheels, _WATCH_S)
         time_s = rest_time_s(samples, layout, since_s)
     findings.measured["rest_s"] = time_s
     seen = "the wheels went on turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
@@ -95,7 +104,7 @@ def _press(robot: Robot, person: Person, findings: Findings, duty: float, wait_s
 
 
 def _turn(robot: Robot, layout: Layout, duty: float) -> None:
-    robot.drive_duty([duty] * layout.wheels, _STEP_S, stop=False)
+    stream_duty(robot, [duty] * layout.wheels, _STEP_S)
 
 
 def _held(robot: Robot, findings: Findings) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from omniwheel.bringup.bench import Layout, Samples, layout_of, left_released, rest_time_s, safety_of, spin
+from omniwheel.bringup.bench import Layout, Samples, layout_of, left_released, rest_time_s, safety_of, spin, stream_duty
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import ArmingRefusedError
@@ -72,7 +72,7 @@ def _link_loss(robot: Robot, findings: Findings, samples: Samples, layout: Layou
 
     def fall_silent() -> None:
         with robot.connection.without_heartbeats():
-            robot.drive_duty([duty] * layout.wheels, limit_s + _HEARTBEAT_S + _WATCH_S, stop=False)
+            stream_duty(robot, [duty] * layout.wheels, limit_s + _HEARTBEAT_S + _WATCH_S)
 
     _timed_stop(robot, findings, samples, layout, duty, name, limit_s, "SAFE_LINK_TO", fall_silent)
 

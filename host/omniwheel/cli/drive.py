@@ -30,7 +30,7 @@ from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.cli.options import DEFAULT_OUT, OutOption, stop_after_option, takes
 from omniwheel.cli.progress import Waiting
 from omniwheel.cli.robot_options import DriveOptions, LogOption
-from omniwheel.errors import LimitError, OmniError, SetpointError
+from omniwheel.errors import LimitError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.robots import parameter_table
@@ -63,9 +63,6 @@ app.add_typer(host_control.app, name="host-control", hidden=True)
 _SLICE_S = 0.25
 _ARMED_S = 3.0
 """The robot's heartbeat says at once that it is armed, and once a second if that one got lost."""
-_STATUS_S = 0.1
-_ENDED = "its drive has ended"
-"""How the robot, and the hub, refuse set-points of a drive that another station has ended."""
 _SETTLED_M = 0.005
 _SETTLED_RAD = 0.02
 
@@ -77,10 +74,6 @@ LapsOption = Annotated[
     float | None, typer.Option("--laps", min=0.0, help="How many laps, instead of TRJ_LAPS; 0: endless.")
 ]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
-
-
-class StoppedError(OmniError):
-    """The robot stopped by itself while it was to drive."""
 
 
 _PATIENCE = 1.5
@@ -122,33 +115,13 @@ def _armed(wanted: DriveOptions, asked: str, check: Callable[[Robot], object] = 
                 note("disarmed", quiet=quiet)
 
 
-def _check_still_armed(robot: Robot) -> None:
-    """Raise StoppedError if the robot has stopped itself, or another station or program has stopped it."""
-    if not robot.status.armed:
-        robot.pump(_STATUS_S)  # the heartbeat comes first, then its reason
-    if robot.status.state in ("failsafe", "estop"):
-        safety = robot.status.safety
-        faults = ", ".join(safety.fault_history or safety.faults) if safety is not None else ""
-        hint = "`omni monitor` shows the faults; disarming clears the failsafe"
-        raise StoppedError(f"the robot stopped itself ({robot.status.state}): {faults or 'no fault named'}", hint=hint)
-    if not robot.status.armed:
-        said = [text.text for text in robot.texts.all if text.text.startswith("hub: ")]
-        why = f" ({said[-1]})" if said else ""
-        raise StoppedError(
-            f"the robot was disarmed: another station or program stopped it{why}",
-            hint="nothing arms it again by itself",
-        )
-    if any(_ENDED in text.text for text in robot.texts.all):
-        raise StoppedError("another station or program held the robot or took the command", hint="arm again to go on")
-
-
 def _drive_in_slices(robot: Robot, duration_s: float, ask: Callable[[], None], quiet: bool) -> None:
     """Repeat a set-point until ``duration_s`` has passed, checking in between that the robot still drives."""
     start = robot.connection.clock()
     with Waiting("driving", duration_s, quiet=quiet) as waiting:
         while (left := start + duration_s - robot.connection.clock()) > 0.0:
             robot.repeat(ask, min(_SLICE_S, left))
-            _check_still_armed(robot)
+            robot.guard.check()
             waiting.at(robot.connection.clock() - start)
 
 
@@ -267,7 +240,7 @@ def pose(
         with Waiting("driving", allowed_s, quiet=wanted.as_json) as waiting:
             while (passed := robot.connection.clock() - start) < allowed_s and not _is_at(robot, goal):
                 robot.repeat(lambda: robot.set_pose(*goal), _SLICE_S)
-                _check_still_armed(robot)
+                robot.guard.check()
                 waiting.at(passed)
         arrived = _is_at(robot, goal)
         _result(robot, wanted.as_json, arrived=arrived)
@@ -380,7 +353,7 @@ def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
     started = False
     with Waiting("on the path", math.inf, quiet=quiet) as waiting:
         for tracking in robot.telemetry(Tracking):
-            _check_still_armed(robot)
+            robot.guard.check()
             passed = robot.connection.clock() - start
             waiting.at(passed)
             started = started or tracking.phase in ("lead-in", "path")
@@ -434,7 +407,7 @@ def keys(
             twist = driver.twist(robot.connection.clock())
             robot.set_velocity(*twist)
             robot.pump(SETPOINT_PERIOD_S)
-            _check_still_armed(robot)
+            robot.guard.check()
 
 
 def _require_keys(robot: Robot, speed: float, turn: float) -> None:

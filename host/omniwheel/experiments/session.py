@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from omniwheel.burst import Burst
-from omniwheel.errors import LimitError
+from omniwheel.errors import LimitError, StoppedError
 from omniwheel.frames import Pose
 from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
@@ -150,13 +150,11 @@ class _Watch:
         self._procedure.keep()
 
     def _check_state(self) -> None:
-        status = self._robot.status
-        if status.state in ("failsafe", "estop"):
-            faults = "" if status.safety is None else ", ".join(status.safety.fault_history or status.faults)
-            raise ExperimentError(
-                f"the robot stopped by itself ({status.state}): {faults or 'no fault named'}", hint="see `omni monitor`"
-            )
-        if status.heartbeat_age_s > SILENT_S:
+        try:
+            self._robot.guard.check()
+        except StoppedError as error:
+            raise ExperimentError(str(error), hint=error.hint) from error
+        if self._robot.status.heartbeat_age_s > SILENT_S:
             raise ExperimentError(f"nothing from the robot for {SILENT_S:g} s", hint="is the link still there?")
 
     def _check_place(self) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
-from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.excitation import PERIOD_S
 from omniwheel.identification.sources import from_messages
@@ -23,8 +22,7 @@ RECORDED = ("OMNI_SAMPLE", "VICON_POSITION_ESTIMATE")
 def excite(robot: Robot, profiles: Mapping[str, Array], tell: Callable[[str], None]) -> Dataset:
     """Put duties (rows of PERIOD_S, wheels) on the motors, one table after the other; disarm at the end.
 
-    Open loop, as in Appendix D: nothing holds the robot on a path. Raises IdentificationError if the robot stops
-    itself.
+    Open loop, as in Appendix D: nothing holds the robot on a path. Raises StoppedError.
     """
     seen: list[Message] = []
     parameters = {name: robot.parameters[name] for name in _needed(int(robot.parameters["WHEELS"]))}
@@ -52,9 +50,4 @@ def _play(robot: Robot, duty: Array) -> None:
     for number, row in enumerate(duty):
         robot.set_duty(row.tolist())
         robot.pump(max(start + (number + 1) * PERIOD_S - robot.connection.clock(), 0.0))
-        status = robot.status
-        if status.state in ("failsafe", "estop"):
-            faults = ", ".join(status.safety.fault_history) if status.safety is not None else "unknown"
-            raise IdentificationError(
-                f"the robot stopped by itself: {faults}", hint="see `omni monitor`; was there room?"
-            )
+        robot.guard.check()

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""Notices that a drive which was begun here is over: the robot stopped itself, or somebody else stopped it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from omniwheel.connection import Connection
+from omniwheel.errors import StoppedError
+from omniwheel.status import RobotStatus
+from omniwheel.texts import TextLog
+
+REASON_S = 0.1
+"""The heartbeat that tells of an end comes first, then its reason."""
+_ENDED = "its drive has ended"
+"""How the robot, and the hub, refuse set-points of a drive that another station has ended."""
+
+
+class DriveGuard:
+    """Watches one robot from its arming to its disarming by this program.
+
+    ``begun``: it was armed here and has not been disarmed here since.
+    """
+
+    def __init__(self, connection: Connection, texts: TextLog, status: Callable[[], RobotStatus]) -> None:
+        self.begun = False
+        self._connection, self._texts, self._status = connection, texts, status
+        self._seen_armed = False
+        self._asking = False
+        self._mark = 0
+
+    def begin(self) -> None:
+        """Take note that this program arms the robot."""
+        self.begun, self._seen_armed, self._mark = True, False, self._texts.mark()
+
+    def end(self) -> None:
+        """Take note that this program disarms or stops the robot."""
+        self.begun = False
+
+    def check(self) -> None:
+        """Raise StoppedError if the drive that was begun here is over; nothing happens if none was begun.
+
+        Until its heartbeat says that it is armed, a robot that is disarmed counts as one that is about to arm.
+        """
+        if not self.begun or self._asking:
+            return
+        status = self._status()
+        stopped = status.state in ("failsafe", "estop")
+        self._seen_armed = self._seen_armed or status.armed
+        if stopped or (self._seen_armed and not status.armed):
+            self._await_reason()
+            raise self._stopped_itself() if stopped else self._disarmed()
+        if any(_ENDED in text.text for text in self._texts.since(self._mark)):
+            raise StoppedError(
+                "another station or program held the robot or took the command", hint="arm again to go on"
+            )
+
+    def _await_reason(self) -> None:
+        self._asking = True  # what is repeated meanwhile may check, too
+        try:
+            self._connection.pump(REASON_S)
+        finally:
+            self._asking = False
+
+    def _stopped_itself(self) -> StoppedError:
+        status = self._status()
+        safety = status.safety
+        faults = ", ".join(safety.fault_history or safety.faults) if safety is not None else ""
+        hint = "`omni monitor` shows the faults; disarming clears the failsafe"
+        return StoppedError(f"the robot stopped by itself ({status.state}): {faults or 'no fault named'}", hint=hint)
+
+    def _disarmed(self) -> StoppedError:
+        said = [text.text for text in self._texts.all if text.text.startswith("hub: ")]
+        why = f" ({said[-1]})" if said else ""
+        return StoppedError(
+            f"the robot was disarmed: another station or program stopped it{why}",
+            hint="nothing arms it again by itself",
+        )
