@@ -39,7 +39,7 @@ OMNI_COLD App::App(const Board &board, bool lockstep)
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
               trajectories_, excitations_),
       commands_(*board_.output_enable, links_, texts_, robot_, control_,
-                {arming_, heartbeats_, parameters_, telemetry_, trajectories_, scan_, burst_log_, excitations_, trial_,
+                {arming_, heartbeats_, setpoints_, parameters_, telemetry_, trajectories_, scan_, burst_log_, excitations_, trial_,
                  *this}),
       owner_(lockstep ? Owner::background : Owner::timer) {
     attach_links();
@@ -253,6 +253,7 @@ void App::take_report() {
         robot_.take(control_.fix_report.reading());
     }
     robot_.show_refused_setpoint(setpoints_.refused());
+    robot_.show_streamed(setpoints_.streamed_kind());
 }
 
 void App::hil_tick(const Frame &frame, size_t link) {

@@ -39,10 +39,6 @@ int32_t receipt_of(const Message &message, bool numbered) {
     return receipt;
 }
 
-bool is_hold(float mode) {
-    return mode == static_cast<float>(OMNI_MODE_HOLD);
-}
-
 uint8_t queued_result(bool done) {
     return done ? MAV_RESULT_ACCEPTED : MAV_RESULT_TEMPORARILY_REJECTED;
 }
@@ -70,11 +66,8 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
 }
 
 OMNI_COLD void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
-    const auto mode = static_cast<float>(frame.as<mavlink_set_mode_t>().custom_mode);
     done_[sender.link] = {};
-    if (set_mode(mode, sender) == MAV_RESULT_ACCEPTED) {
-        note_motion(is_hold(mode), sender);
-    }
+    set_mode(requested_mode(frame.as<mavlink_set_mode_t>().custom_mode), sender);
 }
 
 bool Commands::was_done(const Command &command) const {
@@ -110,10 +103,7 @@ uint8_t Commands::run_motion(const Command &command) {
     const float *p = command.param;
     uint8_t result = MAV_RESULT_UNSUPPORTED;
     bool holds = false;
-    if (command.id == cmd_do_set_mode) {
-        result = set_mode(p[1], command.sender);
-        holds = is_hold(p[1]);
-    } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_START) {
+    if (command.id == MAV_CMD_OMNI_TRAJECTORY_START) {
         result = services_.trajectories.start(p[0], p[1], p[2], command.sender);
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_STOP) {
         result = services_.trajectories.stop();
@@ -134,6 +124,7 @@ uint8_t Commands::run(const Command &command) {
     case cmd_arm:
         return services_.arming.command(p[0], command.sender);
     case cmd_do_set_mode:
+        return set_mode(requested_mode(p[1], p[2]), command.sender);
     case MAV_CMD_OMNI_TRAJECTORY_START:
     case MAV_CMD_OMNI_TRAJECTORY_STOP:
     case MAV_CMD_OMNI_EXCITE:
@@ -195,15 +186,33 @@ OMNI_COLD uint8_t Commands::storage(float action) {
     return services_.parameters.storage_command(action);
 }
 
-OMNI_COLD uint8_t Commands::set_mode(float mode, const Sender &sender) {
-    if (is_hold(mode)) {
-        return services_.trajectories.stop();
+OMNI_COLD uint8_t Commands::set_mode(ModeRequest mode, const Sender &sender) {
+    if (mode == ModeRequest::hold) {
+        const uint8_t result = services_.trajectories.stop();
+        note_motion(true, sender);
+        return result;
     }
-    if (mode == static_cast<float>(OMNI_MODE_TRAJECTORY)) {
-        return services_.trajectories.start(-1.0f, -1.0f, 0.0f, sender);
+    if (mode == ModeRequest::follow_setpoints) {
+        return follow_setpoints(sender);
     }
-    texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode follows the set-points: hold 0, trajectory 3"));
+    texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("no such mode: hold, or follow set-points"));
     return MAV_RESULT_DENIED;
+}
+
+/// Set-points move an armed robot without it. It is the start of a drive to the station, as arming is: after the end of
+/// its last one its set-points are used again. Disarmed it changes nothing, so that another station's arming does not
+/// let them move the robot.
+OMNI_COLD uint8_t Commands::follow_setpoints(const Sender &sender) {
+    const float timeout_s = services_.parameters.config().limits.command_timeout_s;
+    const bool streams = services_.heartbeats.streams(sender, static_cast<uint64_t>(timeout_s * 1e6f));
+    if (!streams || services_.setpoints.refused()) {
+        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode refused: send valid set-points first"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (robot_.armed()) {
+        note_motion(false, sender);
+    }
+    return MAV_RESULT_ACCEPTED;
 }
 
 OMNI_COLD uint8_t Commands::set_pose(const omni_pose_t &pose) {

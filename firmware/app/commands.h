@@ -14,9 +14,11 @@
 #include "app/arming.h"
 #include "app/burst_log.h"
 #include "app/excitations.h"
+#include "app/flight_mode.h"
 #include "app/parameter_trial.h"
 #include "app/parameters.h"
 #include "app/scan_service.h"
+#include "app/setpoints.h"
 #include "app/telemetry.h"
 #include "app/trajectories.h"
 
@@ -28,6 +30,7 @@ public:
     struct Services {
         Arming &arming;
         Heartbeats &heartbeats;
+        const Setpoints &setpoints;
         Parameters &parameters;
         Telemetry &telemetry;
         Trajectories &trajectories;
@@ -68,7 +71,8 @@ private:
     uint8_t run_own(const Command &command);
     uint8_t run_motion(const Command &command);
     uint8_t hil_command(float enable, size_t link);
-    uint8_t set_mode(float mode, const Sender &sender);
+    uint8_t set_mode(ModeRequest mode, const Sender &sender);
+    uint8_t follow_setpoints(const Sender &sender);
     void note_motion(bool holds, const Sender &sender);
     uint8_t storage(float action);
     uint8_t set_pose(const omni_pose_t &pose);

@@ -26,6 +26,10 @@ public:
     void armed_by(const Sender &sender);
     /// A set-point was accepted: its sender is in command from now on if its heartbeats come, too.
     void streamed(const Sender &sender);
+    /// Its set-points come, used or not: the latest is at most this old.
+    bool streams(const Sender &sender, uint64_t most_us) const {
+        return stations.streams(sender, clock_.now_us, most_us);
+    }
     /// The same of an arm or start command; it begins a drive.
     void commanded(const Sender &sender);
     /// The same of a hold. It ends the drives of all others, and begins none.

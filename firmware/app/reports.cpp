@@ -9,6 +9,7 @@
 
 #include "app/build_id.h"
 #include "app/core.h"
+#include "app/flight_mode.h"
 #include "app/frames.h"
 
 namespace omni {
@@ -52,20 +53,11 @@ uint8_t system_status(uint8_t state) {
     }
 }
 
-uint8_t mode_of(uint8_t setpoint_kind) {
-    switch (setpoint_kind) {
-    case OMNI_SETPOINT_POSE:
-        return OMNI_MODE_POSE;
-    case OMNI_SETPOINT_VELOCITY_BODY:
-    case OMNI_SETPOINT_VELOCITY_WORLD:
-        return OMNI_MODE_VELOCITY;
-    case OMNI_SETPOINT_TRAJECTORY:
-        return OMNI_MODE_TRAJECTORY;
-    case OMNI_SETPOINT_DUTY:
-        return OMNI_MODE_DUTY;
-    default:
-        return OMNI_MODE_HOLD;
-    }
+/// OMNI_MODE. A disarmed robot tells which set-points it would follow if it were armed: a station that has begun to send
+/// them sees that they arrive.
+uint8_t shown_mode(const ReportSources &sources) {
+    const omni_outputs_t &out = sources.robot.latest().outputs;
+    return mode_of(out.state == OMNI_STATE_DISARMED ? sources.robot.streamed_kind() : out.setpoint_kind);
 }
 
 uint32_t only_if(bool condition, uint32_t bits) {
@@ -96,7 +88,7 @@ uint16_t saturated_count(uint32_t count) {
 
 uint32_t base_mode(const ReportSources &sources) {
     const omni_outputs_t &out = sources.robot.latest().outputs;
-    const uint8_t mode = mode_of(out.setpoint_kind);
+    const uint8_t mode = shown_mode(sources);
     const bool guided = mode == OMNI_MODE_POSE || mode == OMNI_MODE_VELOCITY;
     return MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | only_if(out.state == OMNI_STATE_ARMED, MAV_MODE_FLAG_SAFETY_ARMED) |
            only_if(sources.robot.hil(), MAV_MODE_FLAG_HIL_ENABLED) |

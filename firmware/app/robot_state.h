@@ -23,6 +23,10 @@ public:
     void take(const FixReport &fix) { fix_ = fix; }
     /// Show in the last report whether the latest set-point was refused, which the tick never sees.
     void show_refused_setpoint(bool refused);
+    /// omni_setpoint_kind_t of the set-points that are being streamed, or OMNI_SETPOINT_NONE: a disarmed robot's tick
+    /// looks at none.
+    uint8_t streamed_kind() const { return streamed_kind_; }
+    void show_streamed(uint8_t kind) { streamed_kind_ = kind; }
     /// Report of the last tick, refreshed once per background pass.
     const TickReport &latest() const { return latest_; }
     /// The latest pose fix that the tick has looked at.
@@ -68,6 +72,7 @@ private:
     uint8_t stopping_ = 0;  ///< reports to wait for until one tells what became of a disarm or an emergency stop
     uint8_t releasing_ = 0; ///< reports to wait for until one tells what became of a release
     uint8_t arming_ = 0;    ///< reports to wait for until one tells what became of an accepted arm command
+    uint8_t streamed_kind_ = 0;
     const char *misfit_ = nullptr;
     bool hil_ = false;
     bool reboot_ = false;

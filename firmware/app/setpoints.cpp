@@ -27,6 +27,7 @@ float axis_share(int16_t value) {
 
 void Setpoints::restart() {
     refused_ = false;
+    kind_ = OMNI_SETPOINT_NONE;
     std::fill(said_us_, said_us_ + Board::max_ports, uint64_t{0});
 }
 
@@ -35,6 +36,13 @@ void Setpoints::accept(const omni_setpoint_t &setpoint) {
     stamped.time_us = clock_.now_us;
     control_.set_setpoint(stamped);
     refused_ = false;
+    kind_ = stamped.kind;
+    accepted_us_ = stamped.time_us;
+}
+
+uint8_t Setpoints::streamed_kind() const {
+    const float age_s = 1e-6f * static_cast<float>(clock_.now_us - accepted_us_);
+    return age_s <= parameters_.config().limits.command_timeout_s ? kind_ : static_cast<uint8_t>(OMNI_SETPOINT_NONE);
 }
 
 OMNI_COLD void Setpoints::refuse(const char *why) {
@@ -103,14 +111,21 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
     return check_twist(rate);
 }
 
+/// The rate that ends a heading error in SAFE_CMD_TO, but not in less than half a second. So the robot does not turn too
+/// far before the next set-point comes, however seldom they come. Rate and result in NED. @param rate feed-forward
+float Setpoints::turn_towards(float yaw, float rate) const {
+    constexpr float quickest_s = 0.5f;
+    const omni_limits_t &limits = parameters_.config().limits;
+    const float error = omni_wrap_pi(yaw - flip_frame(robot_.latest().outputs.pose).theta);
+    const float wanted = rate + error / std::max(limits.command_timeout_s, quickest_s);
+    return omni_clampf(wanted, -limits.turn_rad_s, limits.turn_rad_s);
+}
+
 const char *Setpoints::velocity_target(const mavlink_set_position_target_local_ned_t &message,
                                        omni_setpoint_t *setpoint) const {
     const unsigned mask = message.type_mask;
     if ((mask & ignore_velocity) == ignore_velocity && (mask & ignore_yaw_rate) != 0) {
         return "the mask ignores everything";
-    }
-    if ((mask & ignore_yaw) == 0) {
-        return "a yaw angle needs a position";
     }
     const bool body = message.coordinate_frame == MAV_FRAME_BODY_FRD || message.coordinate_frame == MAV_FRAME_BODY_NED;
     if (!body && message.coordinate_frame != MAV_FRAME_LOCAL_NED) {
@@ -120,6 +135,12 @@ const char *Setpoints::velocity_target(const mavlink_set_position_target_local_n
     twist.vx = (mask & POSITION_TARGET_TYPEMASK_VX_IGNORE) != 0 ? 0.0f : message.vx;
     twist.vy = (mask & POSITION_TARGET_TYPEMASK_VY_IGNORE) != 0 ? 0.0f : message.vy;
     twist.wz = (mask & ignore_yaw_rate) != 0 ? 0.0f : message.yaw_rate;
+    if ((mask & ignore_yaw) == 0) {
+        if (!omni_is_finite(message.yaw)) {
+            return "yaw is not finite";
+        }
+        twist.wz = turn_towards(message.yaw, twist.wz);
+    }
     setpoint->kind = body ? OMNI_SETPOINT_VELOCITY_BODY : OMNI_SETPOINT_VELOCITY_WORLD;
     setpoint->twist = flip_frame(twist);
     return check_twist(twist);

@@ -29,6 +29,8 @@ public:
     void on_legacy_line(const LegacySetpoint &line);
     /// The latest set-point was refused.
     bool refused() const { return refused_; }
+    /// omni_setpoint_kind_t of the latest accepted set-point, OMNI_SETPOINT_NONE once it is older than SAFE_CMD_TO.
+    uint8_t streamed_kind() const;
     void restart();
 
 private:
@@ -37,6 +39,7 @@ private:
     const char *pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
     const char *velocity_target(const mavlink_set_position_target_local_ned_t &message,
                                 omni_setpoint_t *setpoint) const;
+    float turn_towards(float yaw, float rate) const;
     const char *check_position(const omni_pose_t &pose) const;
     const char *check_twist(const omni_twist_t &twist) const;
 
@@ -46,6 +49,8 @@ private:
     ControlLoop &control_;
     const Parameters &parameters_;
     bool refused_ = false;
+    uint8_t kind_ = OMNI_SETPOINT_NONE; ///< of the latest accepted one
+    uint64_t accepted_us_ = 0;
     uint64_t said_us_[Board::max_ports] = {}; ///< per link
 };
 

@@ -11,6 +11,7 @@ OMNI_COLD void Stations::restart() {
     std::fill(stations_, stations_ + most, Station{});
     std::fill(lost_, lost_ + Board::max_ports, false);
     commander_ = most;
+    newcomer_us_ = 0;
 }
 
 OMNI_COLD size_t Stations::find(const Sender &sender) const {
@@ -62,12 +63,23 @@ OMNI_COLD void Stations::release() {
 bool Stations::may_stream(const Sender &sender, uint64_t now_us) {
     const size_t i = find(sender);
     if (i == most) {
+        newcomer_ = sender;
+        newcomer_us_ = now_us > 0 ? now_us : 1;
         return true;
     }
     Station &station = stations_[i];
     station.ended = station.ended && now_us - station.seen_us <= away_us;
     station.seen_us = now_us;
+    station.streamed_us = now_us > 0 ? now_us : 1;
     return !station.ended;
+}
+
+OMNI_COLD bool Stations::streams(const Sender &sender, uint64_t now_us, uint64_t most_us) const {
+    const size_t i = find(sender);
+    const uint64_t newcomer_us = newcomer_ == sender ? newcomer_us_ : 0;
+    const uint64_t known_us = i < most ? stations_[i].streamed_us : 0;
+    const uint64_t streamed_us = std::max(known_us, newcomer_us);
+    return streamed_us != 0 && (now_us < streamed_us || now_us - streamed_us <= most_us);
 }
 
 OMNI_COLD void Stations::begin_drive(const Sender &sender) {

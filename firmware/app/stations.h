@@ -47,6 +47,8 @@ public:
 
     /// Setpoints of this sender count. Ask once per setpoint: one that is refused is a sign of life of its program.
     bool may_stream(const Sender &sender, uint64_t now_us);
+    /// Setpoints of this sender come, used or not: the latest is at most this old.
+    bool streams(const Sender &sender, uint64_t now_us, uint64_t most_us) const;
     /// A setpoint of this sender has moved an armed robot, or may have.
     void drove(const Sender &sender, uint64_t now_us) { stations_[find_or_add(sender, now_us)].drove = true; }
     /// This sender commands anew: its setpoints count.
@@ -64,6 +66,7 @@ private:
         Sender who;
         uint64_t heard_us = 0; ///< its latest heartbeat; 0: none
         uint64_t seen_us = 0;  ///< its latest message of those that are looked at here
+        uint64_t streamed_us = 0; ///< its latest setpoint; 0: none
         bool used = false;
         bool drove = false;
         bool ended = false; ///< its drive, which its setpoints may still belong to
@@ -76,6 +79,8 @@ private:
 
     Station stations_[most];
     bool lost_[Board::max_ports] = {};
+    Sender newcomer_; ///< the latest that sent a setpoint before its first heartbeat
+    uint64_t newcomer_us_ = 0;
     uint64_t timeout_us_ = 0;
     size_t commander_ = most;
 };

@@ -49,7 +49,7 @@ class Heartbeat(Telemetry):
         return cls(
             armed=bool(m.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
             hil=bool(m.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED),
-            mode=enum_name("OMNI_MODE", m.custom_mode, "OMNI_MODE_").lower(),
+            mode=enum_name("OMNI_MODE", m.custom_mode & 0xFFFF, "OMNI_MODE_").lower(),
             system_status=enum_name("MAV_STATE", m.system_status, "MAV_STATE_").lower(),
         )
 

@@ -278,6 +278,20 @@ def test_set_points_of_a_drive_that_another_station_ended_never_move_the_robot_a
     assert drives_on(two, 0.6, two.first, two.second), "a drive of its own"
 
 
+def test_offboard_starts_a_new_drive_of_its_station_but_not_before_the_robot_is_armed(two: TwoLinks) -> None:
+    offboard = (mav.MAV_CMD_DO_SET_MODE, 1.0, 6.0)
+    two.first.armed()
+    assert drives_on(two, 0.6, two.first, two.second)
+    assert two.second.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    drives_on(two, 0.3, two.first, two.second)
+    assert two.first.command(*offboard) == mav.MAV_RESULT_ACCEPTED
+    drives_on(two, 0.3, two.first, two.second)
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    assert not drives_on(two, 0.6, two.first, two.second), "another station armed"
+    assert two.first.command(*offboard) == mav.MAV_RESULT_ACCEPTED
+    assert drives_on(two, 0.6, two.first, two.second), "a drive of its own"
+
+
 def test_set_points_end_with_a_failsafe_too(two: TwoLinks) -> None:
     two.first.armed()
     assert drives_on(two, 0.6, two.first, two.second)
