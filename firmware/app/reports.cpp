@@ -53,8 +53,8 @@ uint8_t system_status(uint8_t state) {
     }
 }
 
-/// OMNI_MODE. A disarmed robot tells which set-points it would follow if it were armed: a station that has begun to send
-/// them sees that they arrive.
+/// OMNI_MODE. A disarmed robot tells which set-points it would follow if it were armed: a station that has begun to
+/// send them sees that they arrive.
 uint8_t shown_mode(const ReportSources &sources) {
     const omni_outputs_t &out = sources.robot.latest().outputs;
     return mode_of(out.state == OMNI_STATE_DISARMED ? sources.robot.streamed_kind() : out.setpoint_kind);

@@ -111,8 +111,8 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
     return check_twist(rate);
 }
 
-/// The rate that ends a heading error in SAFE_CMD_TO, but not in less than half a second. So the robot does not turn too
-/// far before the next set-point comes, however seldom they come. Rate and result in NED. @param rate feed-forward
+/// The rate that ends a heading error in SAFE_CMD_TO, but not in less than half a second. So the robot does not turn
+/// too far before the next set-point comes, however seldom they come. Rate and result in NED. @param rate feed-forward
 float Setpoints::turn_towards(float yaw, float rate) const {
     constexpr float quickest_s = 0.5f;
     const omni_limits_t &limits = parameters_.config().limits;
@@ -158,16 +158,35 @@ void Setpoints::on_position_target(const Frame &frame) {
     }
 }
 
-/// Sticks as joystick tools send them: x forward, y right, r to the right (clockwise).
+/// Speed of the body at which the first wheel reaches LIM_WHEEL or its motor's speed without load, per unit of `twist`.
+/// @param twist of the body, not zero
+OMNI_COLD float Setpoints::reach(const omni_twist_t &twist) const {
+    const omni_robot_config_t &config = parameters_.config();
+    const omni_trajectory_config_t &motor = config.trajectory;
+    omni_real_t wheel[OMNI_MAX_WHEELS] = {0};
+    omni_kinematics_inverse(&config.kinematics, &twist, nullptr, wheel);
+    float fastest = 0.0f;
+    for (uint8_t i = 0; i < config.kinematics.wheels; ++i) {
+        fastest = std::max(fastest, omni_absf(wheel[i]));
+    }
+    const float by_limit = config.limits.wheel_rad_s / fastest;
+    return std::min(by_limit, motor.voltage_limit_V / (motor.ff_speed_V_s * fastest));
+}
+
+/// Sticks as joystick tools send them: x forward, y right, r to the right (clockwise). A full stick asks for what the
+/// robot reaches in that direction, and for no more than LIM_V and LIM_W.
 void Setpoints::on_manual_control(const Frame &frame) {
     const auto message = frame.as<mavlink_manual_control_t>();
     const omni_limits_t &limits = parameters_.config().limits;
     omni_twist_t stick = {axis_share(message.x), axis_share(message.y), axis_share(message.r)};
     const float length = omni_sqrtf(stick.vx * stick.vx + stick.vy * stick.vy);
-    const float scale = limits.speed_m_s / (length > 1.0f ? length : 1.0f);
-    stick.vx *= scale;
-    stick.vy *= scale;
-    stick.wz *= limits.turn_rad_s;
+    if (length > 0.0f) {
+        const omni_twist_t ahead = flip_frame(omni_twist_t{stick.vx / length, stick.vy / length, 0.0f});
+        const float scale = std::min(limits.speed_m_s, reach(ahead)) / (length > 1.0f ? length : 1.0f);
+        stick.vx *= scale;
+        stick.vy *= scale;
+    }
+    stick.wz *= std::min(limits.turn_rad_s, reach({0.0f, 0.0f, 1.0f}));
     omni_setpoint_t setpoint{};
     setpoint.kind = OMNI_SETPOINT_VELOCITY_BODY;
     setpoint.twist = flip_frame(stick);

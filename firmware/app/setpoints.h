@@ -39,6 +39,7 @@ private:
     const char *pose_target(const mavlink_set_position_target_local_ned_t &message, omni_setpoint_t *setpoint) const;
     const char *velocity_target(const mavlink_set_position_target_local_ned_t &message,
                                 omni_setpoint_t *setpoint) const;
+    float reach(const omni_twist_t &twist) const;
     float turn_towards(float yaw, float rate) const;
     const char *check_position(const omni_pose_t &pose) const;
     const char *check_twist(const omni_twist_t &twist) const;

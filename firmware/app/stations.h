@@ -64,8 +64,8 @@ public:
 private:
     struct Station {
         Sender who;
-        uint64_t heard_us = 0; ///< its latest heartbeat; 0: none
-        uint64_t seen_us = 0;  ///< its latest message of those that are looked at here
+        uint64_t heard_us = 0;    ///< its latest heartbeat; 0: none
+        uint64_t seen_us = 0;     ///< its latest message of those that are looked at here
         uint64_t streamed_us = 0; ///< its latest setpoint; 0: none
         bool used = false;
         bool drove = false;

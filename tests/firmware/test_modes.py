@@ -44,7 +44,7 @@ def px4_mode(robot: FakeRobot) -> tuple[int, int]:
 
 
 def wheels_turn(robot: FakeRobot) -> bool:
-    return max(map(abs, robot.asked("OMNI_WHEELS").reference)) > 0.05
+    return bool(max(map(abs, robot.asked("OMNI_WHEELS").reference)) > 0.05)
 
 
 @pytest.mark.parametrize(("main", "request_"), [(OFFBOARD, velocity(0.05)), (POSITION, STICKS)])

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from omniwheel.robots import parameter_table
+from omniwheel.robots import parameter_table, read_robot
 from tests.firmware.client import mav
 from tests.firmware.fake_robot import HEARTBEAT, RADIO, USB, FakeRobot, command, duty, frame
 
@@ -142,6 +142,37 @@ def test_sticks_are_shares_of_the_limits(
     wanted = complex(share[0], share[1]) * 0.05 * complex(math.cos(at.yaw), math.sin(at.yaw))
     assert (at.vx, at.vy) == pytest.approx((wanted.real, wanted.imag), abs=1e-3)
     assert at.yaw_rate == pytest.approx(0.4 * share[2], abs=1e-3)
+
+
+def own_values(name: str) -> dict[str, float]:
+    """Return the values of a robot that differ from the simulated one's, as far as an armed robot takes them."""
+    values, base = read_robot(name).parameter_values(), read_robot("three_wheel").parameter_values()
+    kinds = ("LIM_", "MOT_", "BAT_V_NOM", "WHEEL_")
+    return {key: value for key, value in values.items() if key.startswith(kinds) and value != base[key]}
+
+
+LIMITS = {name: own_values(name) for name in ("three_wheel", "fast_three_wheel")}
+
+
+@pytest.mark.parametrize("limits", LIMITS.values(), ids=LIMITS)
+@pytest.mark.parametrize("axes", [(1, 0, 0), (0, 1, 0), (-1, 0, 0), (0, 0, 1)])
+def test_full_stick_is_what_the_robot_reaches_and_half_stick_is_half(
+    robot: FakeRobot, limits: dict[str, float], axes: tuple[int, int, int]
+) -> None:
+    for name, value in limits.items():
+        change(robot, name, value)
+    speeds = []
+    for stick in (500, 1000):
+        x, y, r = (axis * stick for axis in axes)
+        at = follow(robot, frame("manual_control", 1, x, y, 0, r, 0), 3.0)
+        wheels = max(map(abs, robot.asked("OMNI_WHEELS").reference))
+        speeds.append((math.hypot(at.vx, at.vy), abs(at.yaw_rate), wheels))
+        assert not any("scaled" in text for text in robot.texts())
+    half, full = speeds
+    most = {"LIM_V": 1.0, "LIM_W": 3.0, "LIM_WHEEL": 3.0, **limits}
+    of_limits = full[0] / most["LIM_V"], full[1] / most["LIM_W"], full[2] / most["LIM_WHEEL"]
+    assert 0.9 <= max(of_limits) <= 1.0001
+    assert half == pytest.approx([0.5 * each for each in full], rel=0.02, abs=2e-3)
 
 
 POSE = NO_VELOCITY | NO_YAW_RATE

@@ -23,7 +23,7 @@ from tests.waiting import wait_until
 PAGE = Path(__file__).parents[2] / "docs" / "guides" / "mavsdk.md"
 DOCUMENTED_URL = "tcpout://127.0.0.1:5760"
 LIMIT_S = 50.0
-FULL = '''
+FULL = """
 import sys, time
 from mavsdk import ComponentType, Configuration, Mavsdk
 from mavsdk.plugins.action import Action
@@ -71,11 +71,12 @@ assert telemetry.armed()
 offboard.set_velocity_body(VelocityBodyYawspeed(0.05, 0.0, 0.0, 0.0))
 offboard.start()
 until(lambda: telemetry.flight_mode().name == "OFFBOARD", "not the second time")
+offboard.stop()  # set-points are not needed now, heartbeats are
 print("drives", flush=True)
 import os
 os._exit(0)  # as if it had crashed
-'''
-GRPC = '''
+"""
+GRPC = """
 import asyncio
 from mavsdk_grpc import System
 from mavsdk_grpc.offboard import PositionNedYaw, VelocityBodyYawspeed
@@ -108,7 +109,7 @@ async def main():
     await robot.action.disarm()
 
 asyncio.run(main())
-'''
+"""
 
 
 @pytest.fixture
@@ -132,7 +133,9 @@ def run(program: str, url: str) -> str:
     """Run a program of MAVSDK against the robot; return what it printed."""
     program = program.replace(DOCUMENTED_URL, url.replace("tcp:", "tcpout://"))
     program = program.replace("URL", repr(url.replace("tcp:", "tcpout://")))
-    result = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    result = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=LIMIT_S, check=False
+    )
     assert result.returncode == 0, result.stdout + result.stderr
     return result.stdout
 
