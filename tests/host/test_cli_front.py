@@ -167,7 +167,7 @@ def test_the_tab_key_leaves_words_alone_and_a_command_does_not() -> None:
     assert completed("omni sim --seed many four_w") == ["four_wheel"]
     refused = CliRunner().invoke(app, ["sim", "four_wheel", "--seed", "many"])
     assert refused.exit_code == BAD_INPUT
-    assert "valid integer" in re.sub(r"\s+", " ", refused.output)
+    assert {"--seed", "many"} <= set(re.findall(r"[\w-]+", refused.output))
 
 
 def test_the_front_page_shows_each_option_with_its_help() -> None:
