@@ -38,7 +38,6 @@ FORCE = 21196.0
 SETPOINT_PERIOD_S = 0.05
 PLACES = {"wheel": 1, "voltage": 2, "pose": 3}
 """Where :meth:`Robot.excite` can add a signal, and its number in MAV_CMD_OMNI_EXCITE."""
-_DISARM_TIMEOUT_S = 1.0
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
