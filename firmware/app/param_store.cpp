@@ -128,7 +128,7 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
     return length + crc_length;
 }
 
-StoreResult ParamStore::save(const omni_real_t *values, const omni_real_t *robot_values) {
+OMNI_COLD StoreResult ParamStore::save(const omni_real_t *values, const omni_real_t *robot_values) {
     if (!has_room()) {
         return StoreResult::failed;
     }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/cold.h"
 #include "app/crc32.h"
 #include "app/words.h"
 
@@ -34,7 +35,7 @@ RecordStore::Result RecordStore::load(uint8_t *data) {
     return Result::ok;
 }
 
-bool RecordStore::save(const uint8_t *data) {
+OMNI_COLD bool RecordStore::save(const uint8_t *data) {
     return write_next([this, data](uint32_t sequence) {
         const size_t covered = at_content + content_;
         put_word(buffer_, magic);
