@@ -245,6 +245,7 @@ void App::watch_hil_silence() {
 void App::take_report() {
     if (control_.report.update()) {
         robot_.take(control_.report.reading());
+        pose_fixes_.take_report();
         if (!robot_.armed()) {
             heartbeats_.stations.release();
         }

@@ -226,6 +226,7 @@ struct Board {
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
     uint64_t serial_number = 0;                ///< tells this board from any other; 0: it has none
+    uint32_t wiring_id = 0;                    ///< of what is wired to this board; 0: nothing is
     const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
     /// Supply voltage [V], or <= 0 if the board doesn't measure it.
     omni_real_t (*battery_V)() = nullptr;

@@ -52,6 +52,7 @@ void PoseFixes::restart() {
     last_us_ = 0;
     travelled_ = 0.0f;
     count_ = 0;
+    drift_.restart();
 }
 
 /// In place of the oldest if there is no room.
@@ -109,6 +110,7 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy,
         complain("it repeats itself");
         return;
     }
+    drift_.compare(world, robot_.armed());
     omni_pose_fix_t fix{};
     fix.time_us = time_of(stamp_us);
     fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};

@@ -9,6 +9,7 @@
 /// kept. All others are dropped, which is said: what is older helps the estimate no more.
 #pragma once
 
+#include "app/fix_drift.h"
 #include "app/parameters.h"
 #include "app/robot_state.h"
 
@@ -18,12 +19,14 @@ class PoseFixes {
 public:
     PoseFixes(Texts &texts, const RobotClock &clock, const RobotState &robot, ControlLoop &control,
               const Parameters &parameters)
-        : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters) {}
+        : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters), drift_(texts) {}
 
     void on_vicon(const Frame &frame);
     void on_mocap(const Frame &frame);
     void on_compact(const Frame &frame);
     void restart();
+    /// The tick has reported once more.
+    void take_report() { drift_.take(robot_.latest().outputs); }
     /// Pass on what waits. Once per pass, and once per tick.
     void serve();
 
@@ -48,6 +51,7 @@ private:
     omni_pose_fix_t waiting_[most_waiting] = {};
     size_t first_ = 0; ///< the oldest that waits
     size_t count_ = 0;
+    FixDrift drift_;
 };
 
 } // namespace omni

@@ -168,7 +168,7 @@ Angle half_angle(omni_real_t angle) {
 
 #include "omni/reports_gen.h"
 
-bool report_version(Link &link, uint64_t serial_number) {
+bool report_version(Link &link, const Board &board) {
     mavlink_autopilot_version_t message{};
     message.capabilities = MAV_PROTOCOL_CAPABILITY_MAVLINK2 | MAV_PROTOCOL_CAPABILITY_PARAM_FLOAT |
                            MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST |
@@ -177,7 +177,8 @@ bool report_version(Link &link, uint64_t serial_number) {
     message.flight_sw_version = build_id.version | (build_id.changed ? 0u : 255u);
     message.middleware_sw_version = OMNI_PARAM_SCHEMA_VERSION;
     message.os_sw_version = omni_param_schema_crc;
-    message.uid = serial_number;
+    message.uid = board.serial_number;
+    message.board_version = board.wiring_id;
     for (size_t i = 0; i < sizeof message.flight_custom_version; ++i) {
         message.flight_custom_version[i] = static_cast<uint8_t>(build_id.commit >> (56 - 8 * i));
     }

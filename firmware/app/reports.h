@@ -48,7 +48,7 @@ struct Stream {
 /// In order of importance: under a tight budget the first ones get it.
 extern const Stream streams[telemetry_stream_count];
 
-/// AUTOPILOT_VERSION, on request only. @param serial_number of the board; 0: none. @return false if it was dropped.
-bool report_version(Link &link, uint64_t serial_number);
+/// AUTOPILOT_VERSION, on request only. @return false if it was dropped.
+bool report_version(Link &link, const Board &board);
 
 } // namespace omni

@@ -23,7 +23,7 @@ public:
     /// MAV_CMD_REQUEST_MESSAGE, for the streamed messages. @return false if it is none of them.
     bool send_once(size_t link, uint32_t id);
     /// AUTOPILOT_VERSION. @return false if it was dropped.
-    bool send_version(size_t link) { return report_version(links_[link], sources_.board.serial_number); }
+    bool send_version(size_t link) { return report_version(links_[link], sources_.board); }
     /// REQUEST_DATA_STREAM: MAVLink 1's way to ask for groups of messages.
     void on_request_data_stream(const Frame &frame, const Sender &sender);
     /// Send what is due.

@@ -16,6 +16,7 @@ class RobotVersion:
 
     ``dirty`` means built from a changed work tree; ``schema_crc`` is the ``crc`` of its ``omni_schema.ParameterTable``.
     ``serial_number``: the board's, on a Teensy the one of its USB port; 0 where there is none.
+    ``wiring_id``: ``omni_schema.wiring_id`` of the robot that it was built for; 0 on a PC.
     """
 
     firmware: str
@@ -24,6 +25,7 @@ class RobotVersion:
     schema_version: int
     schema_crc: int
     serial_number: int = 0
+    wiring_id: int = 0
 
     def __str__(self) -> str:
         git = f" ({self.git_hash[:8]}{', changed' if self.dirty else ''})" if self.git_hash else ""
@@ -41,4 +43,5 @@ def version_from_message(message: Message) -> RobotVersion:
         schema_version=int(message.middleware_sw_version),
         schema_crc=int(message.os_sw_version),
         serial_number=int(message.uid),
+        wiring_id=int(message.board_version),
     )

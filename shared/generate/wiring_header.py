@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from c_tables import c_string, float_literal
-from omni_schema import FlowWiring, GyroWiring, Robot, SchemaError, as_float32
+from omni_schema import FlowWiring, GyroWiring, Robot, SchemaError, as_float32, wiring_id
 from omni_schema.flow import settings_bytes
 from omni_schema.gyro_configuration import read_configuration
 
@@ -23,6 +23,8 @@ namespace omni::wiring {{
 
 constexpr char robot_name[] = {name};
 constexpr size_t wheels = {wheels};
+/// Of everything that is wired (omni_schema/wiring_label.py).
+constexpr uint32_t id = 0x{wiring_id:08X};
 /// Pins A and B of each wheel's encoder; 255 where the robot file gives none.
 constexpr uint8_t encoder_pins[wheels][2] = {{{pins}}};
 /// What the robot file asks for.
@@ -102,6 +104,7 @@ def wiring_header(robot: Robot) -> str:
         source=Path(robot.source).name,
         name=c_string(robot.name),
         wheels=robot.wheels,
+        wiring_id=wiring_id(robot),
         pins=_joined(f"{{{a}, {b}}}" for a, b in pins),
         decoders=_joined(f"Decoder::{_DECODER[name]}" for name in board.encoder_decoder),
         output_enable=_or_none(board.output_enable_pin),

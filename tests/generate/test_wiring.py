@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omni_schema import Robot, SchemaError, load_parameters, parse_robot
+from omni_schema import Robot, SchemaError, load_parameters, load_robot, parse_robot, wiring_id
 from omni_schema.toml_file import read_toml
 from omni_schema.wiring import ANALOG_PINS, LAST_PIN, RESERVED_PINS
 from wiring_header import wiring_header
@@ -117,6 +117,35 @@ def test_motor_pins_that_cannot_be_are_refused_with_what_to_do(
         robot_with_pins(**wiring)
     assert caught.value.key == f"wiring.{key}"
     assert needle in str(caught.value)
+
+
+def test_the_wiring_id_changes_with_every_pin_and_with_nothing_else() -> None:
+    ours = wiring_id(robot_with())
+    others = [
+        {"encoder_pins": [[2, 3], [7, 6], [5, 4]]},
+        {"in1_channel": [1, 2, 4]},
+        {"output_enable_pin": 20},
+        {"stop_button_pin": 21},
+        {"light_pin": 8},
+        {"battery_pin": 14, "battery_divider": 5.7},
+    ]
+    numbers = {ours, *(wiring_id(robot_with(**wiring)) for wiring in others)}
+    pins = [wiring_id(robot_with_pins(motor_driver=name)) for name in ("in1_in2", "pwm_dir")]
+    assert len(numbers | set(pins)) == 1 + len(others) + len(pins)
+    assert 0 not in numbers
+    assert wiring_id(robot_with(i2c_speed_Hz=1_000_000)) == ours
+    renamed = parse_robot({**THREE_WHEEL, "robot": {**THREE_WHEEL["robot"], "name": "mine"}}, TABLE, "elsewhere.toml")
+    assert wiring_id(renamed) == ours
+    assert constant(wiring_header(robot_with()), "id") == f"0x{ours:08X}"
+
+
+def test_robots_that_come_with_the_source_differ_in_their_wiring_where_they_differ_in_their_wheels() -> None:
+    robots = [load_robot(path, TABLE) for path in sorted((ROOT / "shared" / "robots").glob("*.toml"))]
+    by_id: dict[int, set[int]] = {}
+    for robot in robots:
+        by_id.setdefault(wiring_id(robot), set()).add(robot.wheels)
+    assert all(len(wheels) == 1 for wheels in by_id.values())
+    assert len(by_id) > 1
 
 
 @pytest.mark.parametrize(("driver", "number"), [("in1_in2", "1"), ("pwm_dir", "2")])

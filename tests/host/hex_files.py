@@ -10,14 +10,22 @@ START = 0x6000_0000
 LENGTH = 0x3000
 
 
-def teensy_program(*, length: int = LENGTH, chip_bytes: int = 2 << 20, start: int = START) -> bytes:
-    """Return an image: configuration block, vector table at 0x1000, boot data at 0x1020, then code."""
+def teensy_program(
+    *, length: int = LENGTH, chip_bytes: int = 2 << 20, start: int = START, wiring_id: int = 0
+) -> bytes:
+    """Return an image: configuration block, vector table at 0x1000, boot data at 0x1020, then code.
+
+    ``wiring_id``: what its label says; 0: it has none.
+    """
     image = bytearray((7 * index + index // 256) & 0xFF for index in range(length))
     image[0:4] = b"FCFB"
     struct.pack_into("<I", image, 0x50, chip_bytes)
     table = (0x432000D1, start + 0x1501, 0, 0, start + 0x1020, start + 0x1000, start + length - 16, 0)
     struct.pack_into("<8I", image, 0x1000, *table)
     struct.pack_into("<3I", image, 0x1020, start, length, 0)
+    if wiring_id:
+        label = b"omniwheel wiring id\0" + struct.pack("<I", wiring_id)
+        image[0x2000 : 0x2000 + len(label)] = label
     return bytes(image)
 
 

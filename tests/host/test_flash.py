@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import configparser
+import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -16,15 +18,17 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.image_check.run import Outcome
+from omni_schema import wiring_id
 from omniwheel import FirmwareProcess
 from omniwheel.cli import app
 from omniwheel.cli import flash as command
 from omniwheel.errors import FlashError, LinkOpenError
-from omniwheel.flashing import boards, loader, running, source
+from omniwheel.flashing import boards, loader, running, source, wiring
 from omniwheel.flashing.boards import Board
+from omniwheel.flashing.hex_file import read_hex
 from omniwheel.ports import Port
 from omniwheel.robot import connect
-from omniwheel.robots import find_robot_file, robot_names
+from omniwheel.robots import find_robot_file, read_robot, robot_names
 from tests.host.hex_files import teensy_program, write_hex
 
 PASSED = Outcome("boots", "it boots", ("0.3 s",), "", 0.1)
@@ -320,6 +324,48 @@ def test_what_was_checked_is_uploaded_whatever_becomes_of_the_file(
     bench.ports = [teensy(board)]
     assert flash(str(bench.hex)).exit_code == 0
     assert uploaded == [good]
+
+
+@pytest.mark.parametrize("what", ["file", "robot"])
+def test_firmware_of_another_wiring_than_the_boards_is_not_uploaded(
+    bench: Bench, board: str, monkeypatch: pytest.MonkeyPatch, what: str
+) -> None:
+    """Its motors and encoders could be on other pins. A robot that was wired anew is said to be so."""
+    of = {name: wiring_id(read_robot(name)) for name in ("three_wheel", "four_wheel")}
+    monkeypatch.setattr(loader, "enter_bootloader", lambda _: bench.rebooted.append(("a board", 0)) or True)
+    monkeypatch.setattr(wiring, "_running_id", lambda _: of["four_wheel"])
+    bench.ports = [teensy(board)]
+    arguments = [str(write_hex(bench.hex, teensy_program(wiring_id=of["three_wheel"])))] if what == "file" else []
+    for more in ([], ["--dry-run", "--json"]):
+        result = flash(*arguments, *more)
+        assert {"three_wheel", "four_wheel", "--new-wiring"} <= set(re.findall(r"[\w-]+", result.output))
+    assert json.loads(result.stdout)["problem"]
+    assert flash(*arguments).exit_code == 1
+    assert not bench.was_called("teensy_loader_cli")
+    assert not bench.rebooted
+    assert flash(*arguments, "--new-wiring").exit_code == 0
+    assert bench.was_called("teensy_loader_cli")
+
+
+def test_what_says_nothing_of_its_wiring_is_no_reason_to_refuse(bench: Bench, board: str) -> None:
+    """A PC's firmware, a board that does not answer, one without a port, and a program without a label."""
+    ours = read_hex(write_hex(bench.hex, teensy_program(wiring_id=7)))
+    assert ours.wiring_id == 7
+    for silent in (Board(teensy(board)), Board(teensy("tcp:127.0.0.1:1")), Board(None)):
+        wiring.require_same_wiring(ours, silent)
+    foreign = read_hex(write_hex(bench.hex, teensy_program()))
+    assert foreign.wiring_id == 0
+    wiring.require_same_wiring(foreign, Board(teensy(board)))
+
+
+def test_a_file_with_another_digest_than_the_wanted_one_is_refused(bench: Bench, board: str) -> None:
+    bench.ports = [teensy(board)]
+    result = flash(str(bench.hex), "--sha256", "0" * 64)
+    assert result.exit_code == 2
+    assert not bench.was_called("teensy_loader_cli")
+    good = hashlib.sha256(bench.hex.read_bytes()).hexdigest()
+    assert flash(str(bench.hex), "--sha256", good.upper(), "--dry-run").exit_code == 0
+    assert flash("--sha256", good, "--dry-run").exit_code == 2
 
 
 def test_a_loader_that_fails_says_how_to_go_on(bench: Bench) -> None:

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import hashlib
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -84,11 +86,22 @@ def test_only_what_was_checked_is_uploaded_the_very_file(tmp_path: Path) -> None
     called = (tmp_path / "called").read_text().splitlines()
     assert called == [
         "['--robot', 'three_wheel', '--port', '/dev/a', '--dry-run', '--json']",
-        f"['{file}', '--port', '/dev/a', '--json']",
+        f"['{file}', '--sha256', '{hashlib.sha256(file.read_bytes()).hexdigest()}', '--port', '/dev/a', '--json']",
     ]
-    file.write_bytes(b"another image")
-    with pytest.raises(BadRequestError, match="not what was checked any more"):
-        flasher.upload(BUILT)
+
+
+def test_another_wiring_is_another_request_and_goes_with_the_check_and_the_upload(tmp_path: Path) -> None:
+    flasher, _ = stand_in(tmp_path)
+    flasher.check(BUILT)
+    finished(flasher)
+    rewired = replace(BUILT, new_wiring=True)
+    with pytest.raises(BadRequestError, match="not checked yet"):
+        flasher.upload(rewired)
+    flasher.check(rewired)
+    finished(flasher)
+    flasher.upload(rewired)
+    finished(flasher)
+    assert all("--new-wiring" in line for line in (tmp_path / "called").read_text().splitlines()[1:])
 
 
 def test_a_board_that_still_runs_other_firmware_is_said(tmp_path: Path) -> None:

@@ -30,6 +30,13 @@ namespace {
 alignas(8) DMAMEM uint8_t burst_memory[usual_burst_bytes];
 
 constexpr bool battery_wired = wiring::battery_pin >= 0;
+/// omni flash finds this in a .hex file by its words (host/omniwheel/flashing/hex_file.py) before it uploads it. Volatile:
+/// it is read where it is, in flash memory, so the linker keeps it.
+struct ImageLabel {
+    char words[20];
+    uint32_t wiring_id;
+};
+__attribute__((section(".progmem"))) const volatile ImageLabel image_label = {"omniwheel wiring id", wiring::id};
 constexpr uint32_t radio_baud = 9600; ///< until the stored LINK2_BAUD is known
 /// What was said before a reboot gets this long to leave.
 constexpr uint64_t farewell_us = 100'000;
@@ -135,6 +142,7 @@ Board Teensy40::begin() {
     board.storage = &storage_;
     board.watchdog = &watchdog_;
     board.serial_number = serial_number();
+    board.wiring_id = image_label.wiring_id;
     board.robot_values = omni_builtin_robots[0].values;
     board.battery_V = battery_wired ? omni::battery_V : nullptr;
     board.memory_free = memory_free;

@@ -16,10 +16,11 @@ from rich.markup import escape
 from omniwheel.cli import completion
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json
 from omniwheel.cli.image_check import check_image
-from omniwheel.errors import FlashError
+from omniwheel.errors import FlashError, HexFileError
 from omniwheel.files import write_bytes
 from omniwheel.flashing.hex_file import HexImage, read_hex
 from omniwheel.flashing.source import build
+from omniwheel.flashing.wiring import require_same_wiring
 
 if TYPE_CHECKING:
     from omniwheel.flashing.boards import Board
@@ -69,6 +70,10 @@ def flash(
     build_only: Annotated[bool, typer.Option("--build-only", help="Build and check, do not upload.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Do everything but the upload; needs no board.")] = False,
     skip_check: Annotated[bool, typer.Option("--skip-check", help="Upload without running the image first.")] = False,
+    new_wiring: Annotated[
+        bool, typer.Option("--new-wiring", help="Upload it though the board's firmware knows another wiring.")
+    ] = False,
+    sha256: Annotated[str, typer.Option(metavar="DIGEST", help="Upload FILE.hex only if this is its SHA-256.")] = "",
     json_wanted: JsonOption = False,
 ) -> None:
     """Build the firmware for a Teensy 4.0 with PlatformIO, upload it, wait for the board and ask it what it runs.
@@ -81,15 +86,19 @@ def flash(
 
     if file is not None and (robot or build_only):
         raise typer.BadParameter("a FILE.hex is uploaded as it is: --robot and --build-only are for building")
+    if file is None and sha256:
+        raise typer.BadParameter("--sha256 is for a FILE.hex")
     uploads = not build_only and not dry_run
-    released = _from_file(file) if file is not None else None  # before the board: a wrong name needs none
+    released = _from_file(file, sha256) if file is not None else None  # before the board: a wrong name needs none
     board = choose_board(port, blank=blank) if uploads else None
     loader = require_loader() if uploads and released else None  # a first build brings PlatformIO's
     program = released or _built(robot or DEFAULT_ROBOT, check=not skip_check)
     if board is None:
-        said = _dry_run(program, port, blank) if dry_run else {"built": program.git_hash}
+        said = _dry_run(program, port, blank, new_wiring=new_wiring) if dry_run else {"built": program.git_hash}
         _say(json_wanted, said, f"built {program.what}" if build_only else "")
         return
+    if not new_wiring:
+        require_same_wiring(program.image, board)
     flashed = _upload(program, board, loader or require_loader())
     words = f"{flashed.port} runs firmware {flashed.version}, uploaded from {program.what}"
     _say(json_wanted, {"port": flashed.port, "version": asdict(flashed.version)}, words)
@@ -102,8 +111,11 @@ def _say(json_wanted: bool, value: dict[str, Any], words: str) -> None:
         console.print(escape(words), soft_wrap=True)
 
 
-def _from_file(file: Path) -> Program:
-    return Program(read_hex(file), str(file), "")
+def _from_file(file: Path, sha256: str) -> Program:
+    image = read_hex(file)
+    if sha256 and image.sha256 != sha256.lower():
+        raise HexFileError(f"{file} has the SHA-256 {image.sha256}, not {sha256}", hint="get the file again")
+    return Program(image, str(file), "")
 
 
 def _built(robot: str, *, check: bool) -> Program:
@@ -116,7 +128,7 @@ def _built(robot: str, *, check: bool) -> Program:
     return Program(image, f"{made.hex} for {robot}", made.git_hash)
 
 
-def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
+def _dry_run(program: Program, port: str | None, blank: bool, *, new_wiring: bool) -> dict[str, Any]:
     """Say what an upload would do now; a board or a loader that is missing is a sentence, no error."""
     from omniwheel.flashing.boards import choose_board
     from omniwheel.flashing.loader import HOW_TO_GET_IT, PROGRAM, find_loader, loader_command
@@ -124,7 +136,10 @@ def _dry_run(program: Program, port: str | None, blank: bool) -> dict[str, Any]:
     loader = find_loader()
     command = loader_command(loader or PROGRAM, program.image.path)
     try:
-        board, problem = str(choose_board(port, blank=blank)), None
+        chosen = choose_board(port, blank=blank)
+        if not new_wiring:
+            require_same_wiring(program.image, chosen)
+        board, problem = str(chosen), None
     except FlashError as error:
         board, problem = None, f"{error}; {error.hint}" if error.hint else str(error)
     note(escape(f"{program.what}: {program.image.size} bytes, SHA-256 {program.image.sha256}"))

@@ -26,15 +26,21 @@ _CHIP_SIZE_OFFSET = 0x50
 _TABLE_TAG, _TABLE_LENGTH, _TABLE_VERSIONS = 0xD1, 32, range(0x40, 0x44)
 _END_OF_FILE = ":00000001FF"
 _LARGEST_FILE = 16 * 1024 * 1024
+_LABEL = b"omniwheel wiring id\0"
+"""Words in flash memory before the image's wiring id, 32 bit (firmware/boards/teensy40/main.cpp)."""
 _AGAIN = "get the file again, or build it again"
 
 
 @dataclass(frozen=True)
 class HexImage:
-    """A program that may be uploaded: ``size`` bytes of flash from its start, and the file's content."""
+    """A program that may be uploaded: ``size`` bytes of flash from its start, and the file's content.
+
+    ``wiring_id``: ``omni_schema.wiring_id`` of the robot that it was built for; 0 for a program that does not say.
+    """
 
     path: Path
     size: int
+    wiring_id: int
     content: bytes = field(repr=False)
 
     @property
@@ -57,7 +63,12 @@ def read_hex(path: Path) -> HexImage:
     missing = length - len(memory)
     if missing:
         raise HexFileError(f"{path}: {missing} of the program's {length} bytes are missing", hint=_AGAIN)
-    return HexImage(path, length, content)
+    return HexImage(path, length, _wiring_id(memory.tobinstr()), content)
+
+
+def _wiring_id(program: bytes) -> int:
+    at = program.find(_LABEL)
+    return int.from_bytes(program[at + len(_LABEL) :][:4], "little") if at >= 0 else 0
 
 
 def _content(path: Path) -> bytes:

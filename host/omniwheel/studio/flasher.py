@@ -6,7 +6,6 @@ Only what passed its check is uploaded: the very file, byte for byte.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import signal
 import subprocess
@@ -16,7 +15,6 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from omniwheel.robots import robot_names
@@ -31,13 +29,15 @@ _END_S = 5.0
 class Firmware:
     """What a page chose: build for ``robot``, or the .hex ``file``; onto the board at ``port`` ("": the one Teensy).
 
-    ``blank``: a board without a serial port, whose button is pressed.
+    ``blank``: a board without a serial port, whose button is pressed. ``new_wiring``: upload it though the board's
+    firmware knows another wiring.
     """
 
     robot: str
     file: str
     port: str
     blank: bool
+    new_wiring: bool = False
 
     def words(self) -> list[str]:
         """Return the arguments that look at it and upload nothing."""
@@ -46,7 +46,8 @@ class Firmware:
 
     def board(self) -> list[str]:
         """Return the arguments that say where it goes."""
-        return [*(["--port", self.port] if self.port else []), *(["--blank"] if self.blank else [])]
+        flags = [("--blank", self.blank), ("--new-wiring", self.new_wiring)]
+        return [*(["--port", self.port] if self.port else []), *(name for name, chosen in flags if chosen)]
 
 
 def firmware_of(request: Mapping[str, Any]) -> Firmware:
@@ -60,7 +61,7 @@ def firmware_of(request: Mapping[str, Any]) -> Firmware:
         raise BadRequestError(f"there is no robot {robot!r}")
     if str(file).startswith("-") or str(port).startswith("-"):
         raise BadRequestError("a file or port cannot begin with -")
-    return Firmware(str(robot), str(file), str(port), blank)
+    return Firmware(str(robot), str(file), str(port), blank, request.get("new_wiring") is True)
 
 
 class Flasher:
@@ -102,13 +103,8 @@ class Flasher:
         if self._checked is None or self._checked[0] != firmware:
             raise BadRequestError("this was not checked yet", hint="press Check first")
         said = self._checked[1]
-        path = Path(said["file"])
-        with suppress(OSError):
-            if hashlib.sha256(path.read_bytes()).hexdigest() == said["sha256"]:
-                self._begin([str(path), *firmware.board(), "--json"], lambda now: _runs(said, now), uploads=True)
-                return
-        self._checked = None
-        raise BadRequestError(f"{path} is not what was checked any more", hint="press Check again")
+        words = [said["file"], "--sha256", said["sha256"], *firmware.board(), "--json"]
+        self._begin(words, lambda now: _runs(said, now), uploads=True)
 
     def end(self) -> None:
         """End it as Ctrl-C does. An upload that is cut short leaves a board that has to be uploaded to again."""

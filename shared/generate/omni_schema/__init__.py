@@ -20,6 +20,7 @@ from omni_schema.parameters import (
 )
 from omni_schema.robots import Robot, load_robot, parse_robot
 from omni_schema.wiring import BoardWiring
+from omni_schema.wiring_label import wiring_id
 
 __all__ = [
     "MAX_WHEELS",
@@ -39,4 +40,5 @@ __all__ = [
     "parse_parameters",
     "parse_robot",
     "plan_encoders",
+    "wiring_id",
 ]

@@ -42,7 +42,8 @@ export class Flasher {
     const file = robot === A_FILE ? id("flash-file").value.trim() : "";
     const blank = port === "blank";
     try {
-      await this.socket.ask("flash", { robot, file, port: blank ? "" : port, blank, ...more });
+      await this.socket.ask("flash", {
+        robot, file, port: blank ? "" : port, blank, new_wiring: id("flash-wiring").checked, ...more });
     } catch (refusal) {
       put("flash-text", in_words(refusal));
     }
