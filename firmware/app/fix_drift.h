@@ -26,14 +26,14 @@ private:
 
     Texts &texts_;
     bool begun_ = false;
-    omni_pose_t first_{};     ///< the fix at which the window began
-    uint64_t first_us_ = 0;   ///< when it came
+    omni_pose_t first_{};   ///< the fix at which the window began
+    uint64_t first_us_ = 0; ///< when it came
     uint64_t last_fix_us_ = 0;
-    uint64_t now_us_ = 0;     ///< time of the latest report
-    float x_ = 0.0f;          ///< gone by the wheels since `first_us_` [m], world frame
+    uint64_t now_us_ = 0; ///< time of the latest report
+    float x_ = 0.0f;      ///< gone by the wheels since `first_us_` [m], world frame
     float y_ = 0.0f;
-    float travelled_ = 0.0f;  ///< length of that way [m]
-    uint8_t apart_ = 0;       ///< windows in a row in which they disagreed
+    float travelled_ = 0.0f; ///< length of that way [m]
+    uint8_t apart_ = 0;      ///< windows in a row in which they disagreed
 };
 
 } // namespace omni
