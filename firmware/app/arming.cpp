@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/arming.h"
 
+#include "app/cold.h"
 #include "app/core.h"
 
 namespace omni {
@@ -19,7 +20,8 @@ uint8_t Arming::command(float wanted, const Sender &sender) {
     if (wanted == 1.0f) {
         return arm(sender);
     }
-    return wanted == 0.0f ? disarm() : static_cast<uint8_t>(MAV_RESULT_DENIED);
+    // Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
+    return wanted == 0.0f ? stop(OMNI_EVENT_DISARM, sender) : static_cast<uint8_t>(MAV_RESULT_DENIED);
 }
 
 /// Who arms a robot without the pin should know what that means. Once is enough.
@@ -89,25 +91,34 @@ uint8_t Arming::arm(const Sender &sender) {
     return MAV_RESULT_ACCEPTED;
 }
 
-uint8_t Arming::stop(uint32_t event) {
+uint8_t Arming::stop(uint32_t event, const Sender &sender) {
     trajectories_.on_disarm();
     control_.plans.withdraw();
     control_.stop(event);
     robot_.expect_stop();
+    tell_who_stopped(sender);
     return MAV_RESULT_ACCEPTED;
 }
 
-/// Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
-uint8_t Arming::disarm() {
-    return stop(OMNI_EVENT_DISARM);
+/// For the station whose drive it was. After the stop, which waits for nothing.
+OMNI_COLD void Arming::tell_who_stopped(const Sender &sender) {
+    if (robot_.armed() && !heartbeats_.stations.counts(sender)) {
+        texts_.say(MAV_SEVERITY_NOTICE, Text()
+                                            .add("stopped by station ")
+                                            .add(uint32_t{sender.system})
+                                            .add("/")
+                                            .add(uint32_t{sender.component})
+                                            .add(" on link ")
+                                            .add(static_cast<uint32_t>(sender.link + 1)));
+    }
 }
 
-uint8_t Arming::estop() {
-    return stop(OMNI_EVENT_ESTOP);
+uint8_t Arming::estop(const Sender &sender) {
+    return stop(OMNI_EVENT_ESTOP, sender);
 }
 
-uint8_t Arming::estop_or_release(float stop) {
-    return stop == 0.0f ? release() : estop();
+uint8_t Arming::estop_or_release(float stop, const Sender &sender) {
+    return stop == 0.0f ? release() : estop(sender);
 }
 
 uint8_t Arming::release() {

@@ -31,15 +31,15 @@ public:
 
     /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param sender that asks. @return MAV_RESULT
     uint8_t command(float wanted, const Sender &sender);
-    uint8_t estop();
+    uint8_t estop(const Sender &sender);
     /// MAV_CMD_OMNI_ESTOP. Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
-    uint8_t estop_or_release(float stop);
+    uint8_t estop_or_release(float stop, const Sender &sender);
 
 private:
     uint8_t arm(const Sender &sender);
     void warn_of_missing_pin();
-    uint8_t disarm();
-    uint8_t stop(uint32_t event);
+    uint8_t stop(uint32_t event, const Sender &sender);
+    void tell_who_stopped(const Sender &sender);
     uint8_t release();
 
     const Conditions conditions_;

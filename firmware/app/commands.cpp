@@ -130,7 +130,7 @@ uint8_t Commands::run(const Command &command) {
     case MAV_CMD_OMNI_EXCITE:
         return run_motion(command);
     case cmd_terminate:
-        return p[0] > 0.5f ? services_.arming.estop() : static_cast<uint8_t>(MAV_RESULT_DENIED);
+        return p[0] > 0.5f ? services_.arming.estop(command.sender) : static_cast<uint8_t>(MAV_RESULT_DENIED);
     case cmd_storage:
         return storage(p[0]);
     case cmd_reboot:
@@ -156,7 +156,7 @@ uint8_t Commands::run_own(const Command &command) {
     case MAV_CMD_OMNI_WAYPOINT:
         return services_.trajectories.set_waypoint(p[0], {p[1], p[2], p[3]});
     case MAV_CMD_OMNI_ESTOP:
-        return services_.arming.estop_or_release(p[0]);
+        return services_.arming.estop_or_release(p[0], command.sender);
     case MAV_CMD_OMNI_I2C_SCAN:
         return services_.scan.start(command.sender);
     case MAV_CMD_OMNI_OE_TEST:

@@ -14,6 +14,8 @@ REASON_S = 0.1
 """The heartbeat that tells of an end comes first, then its reason."""
 _ENDED = "its drive has ended"
 """How the robot, and the hub, refuse set-points of a drive that another station has ended."""
+_WHO = ("stopped by station ", "hub: ")
+"""How the robot, and the hub, begin to say who stopped it."""
 
 
 class DriveGuard:
@@ -49,7 +51,8 @@ class DriveGuard:
         self._seen_armed = self._seen_armed or status.armed
         if stopped or (self._seen_armed and not status.armed):
             self._await_reason()
-            raise self._stopped_itself() if stopped else self._disarmed()
+            who = [text.text for text in self._texts.since(self._mark) if text.text.startswith(_WHO)]
+            raise self._stopped_itself() if stopped and not who else self._stopped_by_another(who)
         if any(_ENDED in text.text for text in self._texts.since(self._mark)):
             raise StoppedError(
                 "another station or program held the robot or took the command", hint="arm again to go on"
@@ -69,10 +72,9 @@ class DriveGuard:
         hint = "`omni monitor` shows the faults; disarming clears the failsafe"
         return StoppedError(f"the robot stopped by itself ({status.state}): {faults or 'no fault named'}", hint=hint)
 
-    def _disarmed(self) -> StoppedError:
-        said = [text.text for text in self._texts.all if text.text.startswith("hub: ")]
-        why = f" ({said[-1]})" if said else ""
+    def _stopped_by_another(self, who: list[str]) -> StoppedError:
+        stop = "an emergency stop is on" if self._status().state == "estop" else "it is disarmed"
         return StoppedError(
-            f"the robot was disarmed: another station or program stopped it{why}",
+            f"another station or program stopped the robot ({who[-1] if who else 'it is not said which'}): {stop}",
             hint="nothing arms it again by itself",
         )

@@ -310,3 +310,27 @@ def test_a_path_that_waits_starts_only_if_the_station_that_asked_for_it_arms(two
     two.run(0.5, two.first, two.second)
     assert not turn(two.first.tick().actuators.wheel_reference)
     assert "path not started: another station armed" in two.texts
+
+
+@pytest.mark.parametrize("stop", ["disarm", "e-stop", "termination"])
+def test_who_stops_anothers_drive_is_said(two: TwoLinks, stop: str) -> None:
+    commands = {
+        "disarm": (mav.MAV_CMD_COMPONENT_ARM_DISARM, 0),
+        "e-stop": (mav.MAV_CMD_OMNI_ESTOP, 1),
+        "termination": (mav.MAV_CMD_DO_FLIGHTTERMINATION, 1),
+    }
+    number, first = commands[stop]
+    two.first.armed()
+    two.run(0.2, two.first, two.second)
+    two.second.mav.command_long_send(1, 1, number, 0, first, 0, 0, 0, 0, 0, 0)
+    assert two.run(0.2, two.first, two.second) != ARMED
+    sender = two.second.mav
+    assert f"stopped by station {sender.srcSystem}/{sender.srcComponent} on link 2" in two.texts
+
+
+def test_ones_own_stop_is_not(two: TwoLinks) -> None:
+    two.first.armed()
+    two.run(0.2, two.first, two.second)
+    two.first.mav.command_long_send(1, 1, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 0, 0, 0, 0, 0, 0, 0)
+    assert two.run(0.2, two.first, two.second) == DISARMED
+    assert not any("stopped by" in text for text in two.texts)

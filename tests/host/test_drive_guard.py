@@ -74,6 +74,7 @@ def test_a_drive_that_another_station_stops_is_over(robot: Robot, drive: str, st
     assert another.stopped_s is not None
     assert robot.connection.clock() - another.stopped_s < 1.5
     if stop != "hold":
+        assert "254/190" in str(caught.value)
         robot.pump(0.5)
         assert not robot.status.armed
 
