@@ -121,7 +121,7 @@ def test_motor_pins_that_cannot_be_are_refused_with_what_to_do(
 
 def test_the_wiring_id_changes_with_every_pin_and_with_nothing_else() -> None:
     ours = wiring_id(robot_with())
-    others = [
+    others: list[dict[str, object]] = [
         {"encoder_pins": [[2, 3], [7, 6], [5, 4]]},
         {"in1_channel": [1, 2, 4]},
         {"output_enable_pin": 20},

@@ -10,9 +10,7 @@ START = 0x6000_0000
 LENGTH = 0x3000
 
 
-def teensy_program(
-    *, length: int = LENGTH, chip_bytes: int = 2 << 20, start: int = START, wiring_id: int = 0
-) -> bytes:
+def teensy_program(*, length: int = LENGTH, chip_bytes: int = 2 << 20, start: int = START, wiring_id: int = 0) -> bytes:
     """Return an image: configuration block, vector table at 0x1000, boot data at 0x1020, then code.
 
     ``wiring_id``: what its label says; 0: it has none.
