@@ -203,14 +203,14 @@ def no_build() -> Iterator[None]:
     """PlatformIO is not asked to build."""
     from omniwheel.cli.flash import Program
 
-    image = SimpleNamespace(path=Path("firmware.hex"), size=1, sha256="00")
+    image = SimpleNamespace(path=Path("firmware.hex"), size=1, sha256="00", wiring_id=0)
     with patched(
         {f"omniwheel.cli.flash.{name}": partial(_program, Program, image) for name in ("_built", "_from_file")}
     ):
         yield
 
 
-def _program(kind: Any, image: Any, what: object, **_: Any) -> Any:
+def _program(kind: Any, image: Any, what: object, *_: Any, **__: Any) -> Any:
     return kind(image, str(what), "")
 
 

@@ -30,8 +30,8 @@ namespace {
 alignas(8) DMAMEM uint8_t burst_memory[usual_burst_bytes];
 
 constexpr bool battery_wired = wiring::battery_pin >= 0;
-/// omni flash finds this in a .hex file by its words (host/omniwheel/flashing/hex_file.py) before it uploads it. Volatile:
-/// it is read where it is, in flash memory, so the linker keeps it.
+/// omni flash finds this in a .hex file by its words (host/omniwheel/flashing/hex_file.py) before it uploads it.
+/// Volatile: it is read where it is, in flash memory, so the linker keeps it.
 struct ImageLabel {
     char words[20];
     uint32_t wiring_id;

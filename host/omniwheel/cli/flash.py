@@ -20,7 +20,6 @@ from omniwheel.errors import FlashError, HexFileError
 from omniwheel.files import write_bytes
 from omniwheel.flashing.hex_file import HexImage, read_hex
 from omniwheel.flashing.source import build
-from omniwheel.flashing.wiring import require_same_wiring
 
 if TYPE_CHECKING:
     from omniwheel.flashing.boards import Board
@@ -83,6 +82,7 @@ def flash(
     """
     from omniwheel.flashing.boards import choose_board
     from omniwheel.flashing.loader import require_loader
+    from omniwheel.flashing.wiring import require_same_wiring
 
     if file is not None and (robot or build_only):
         raise typer.BadParameter("a FILE.hex is uploaded as it is: --robot and --build-only are for building")
@@ -132,6 +132,7 @@ def _dry_run(program: Program, port: str | None, blank: bool, *, new_wiring: boo
     """Say what an upload would do now; a board or a loader that is missing is a sentence, no error."""
     from omniwheel.flashing.boards import choose_board
     from omniwheel.flashing.loader import HOW_TO_GET_IT, PROGRAM, find_loader, loader_command
+    from omniwheel.flashing.wiring import require_same_wiring
 
     loader = find_loader()
     command = loader_command(loader or PROGRAM, program.image.path)
