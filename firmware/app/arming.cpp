@@ -97,6 +97,7 @@ uint8_t Arming::stop(uint32_t event, const Sender &sender) {
     control_.stop(event);
     robot_.expect_stop();
     tell_who_stopped(sender);
+    heartbeats_.stations.end_drives_but(sender);
     return MAV_RESULT_ACCEPTED;
 }
 

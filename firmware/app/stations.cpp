@@ -89,9 +89,11 @@ OMNI_COLD void Stations::begin_drive(const Sender &sender) {
     }
 }
 
+/// Whoever has the command drives already: its first setpoint may still be on its way.
 OMNI_COLD void Stations::end_drives_but(const Sender &sender) {
-    for (Station &station : stations_) {
-        if (station.drove && !(station.who == sender)) {
+    for (size_t i = 0; i < most; ++i) {
+        Station &station = stations_[i];
+        if ((station.drove || i == commander_) && !(station.who == sender)) {
             station.ended = true;
             station.drove = false;
         }

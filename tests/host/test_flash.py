@@ -4,10 +4,7 @@
 from __future__ import annotations
 
 import configparser
-import hashlib
 import json
-import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -15,33 +12,19 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
 
 from hil_sim.image_check.run import Outcome
-from omni_schema import wiring_id
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app
-from omniwheel.cli import flash as command
 from omniwheel.errors import FlashError, LinkOpenError
-from omniwheel.flashing import boards, loader, running, source, wiring
+from omniwheel.flashing import boards, loader, running, source
 from omniwheel.flashing.boards import Board
-from omniwheel.flashing.hex_file import read_hex
 from omniwheel.ports import Port
 from omniwheel.robot import connect
-from omniwheel.robots import find_robot_file, read_robot, robot_names
-from tests.host.hex_files import teensy_program, write_hex
+from omniwheel.robots import find_robot_file, robot_names
+from tests.host.flash_bench import Bench, flash, teensy
 
 PASSED = Outcome("boots", "it boots", ("0.3 s",), "", 0.1)
 ROOT = Path(__file__).resolve().parents[2]
-PROGRAM = """\
-#!/bin/sh
-exec '{python}' - "$0" "$@" <<'END'
-import os, pathlib, sys
-folder = pathlib.Path(sys.argv[1]).parent
-(folder / "{name}.called").write_text(repr((sys.argv[2:], os.environ.get("OMNI_ROBOT"))))
-sys.exit({exit_code})
-END
-"""
 
 
 @pytest.fixture(scope="module")
@@ -64,63 +47,9 @@ class Clock:
         self.now += seconds
 
 
-class Bench:
-    """What the code under test sees of PlatformIO, of the loader and of USB."""
-
-    def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.folder = folder
-        self.ports: list[Port] = []
-        self.waiting: int | None = 0
-        self.stays = False
-        self.rebooted: list[tuple[str, int]] = []
-        self.hex = write_hex(folder / "firmware.hex", teensy_program())
-        self.git_hash = ""
-        self.program("pio", 0)
-        self.program("teensy_loader_cli", 0)
-        monkeypatch.setenv("PATH", f"{folder}{os.pathsep}{os.environ['PATH']}")
-        monkeypatch.setenv("PLATFORMIO_CORE_DIR", str(folder / "core"))
-        for module in (boards, loader):
-            monkeypatch.setattr(module, "bootloaders", lambda: self.waiting)
-        monkeypatch.setattr(boards, "serial_ports", lambda: self.ports)
-        monkeypatch.setattr("omniwheel.flashing.loader.serial.Serial", self._open)
-        monkeypatch.setattr(loader, "LEAVE_S", 0.0)
-        monkeypatch.setattr(command, "build", self._build)
-        monkeypatch.setattr(
-            "hil_sim.image_check.run.run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
-        )
-
-    def program(self, name: str, exit_code: int) -> None:
-        path = self.folder / name
-        path.write_text(PROGRAM.format(python=sys.executable, name=name, exit_code=exit_code))
-        path.chmod(0o755)
-
-    def called(self, name: str) -> tuple[list[str], str | None]:
-        arguments, robot = eval((self.folder / f"{name}.called").read_text())
-        return arguments, robot
-
-    def was_called(self, name: str) -> bool:
-        return (self.folder / f"{name}.called").exists()
-
-    def _open(self, device: str, baud: int) -> Any:
-        self.rebooted.append((device, baud))
-        return open(os.devnull)
-
-    def _build(self, robot: str) -> source.Build:
-        source.build(robot)
-        return source.Build(self.folder / "firmware.elf", self.hex, self.git_hash)
-
-
 @pytest.fixture
 def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Bench:
     return Bench(tmp_path, monkeypatch)
-
-
-def teensy(device: str, number: str = "") -> Port:
-    return Port(device, "USB Serial", "teensy", number)
-
-
-def flash(*arguments: str) -> Any:
-    return CliRunner().invoke(app, ["flash", *arguments])
 
 
 # ---- building
@@ -324,50 +253,6 @@ def test_what_was_checked_is_uploaded_whatever_becomes_of_the_file(
     bench.ports = [teensy(board)]
     assert flash(str(bench.hex)).exit_code == 0
     assert uploaded == [good]
-
-
-@pytest.mark.parametrize("what", ["file", "robot"])
-def test_firmware_of_another_wiring_than_the_boards_is_not_uploaded(
-    bench: Bench, board: str, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
-    """Its motors and encoders could be on other pins. A robot that was wired anew is said to be so."""
-    of = {name: wiring_id(read_robot(name)) for name in ("three_wheel", "four_wheel")}
-    entered: list[Board] = []
-    monkeypatch.setattr(loader, "enter_bootloader", lambda board: entered.append(board) is None)
-    monkeypatch.setattr(wiring, "_running_id", lambda _: of["four_wheel"])
-    bench.ports = [teensy(board)]
-    write_hex(bench.hex, teensy_program(wiring_id=of["three_wheel"]))
-    arguments = [str(bench.hex)] if what == "file" else []
-    for more in ([], ["--dry-run", "--json"]):
-        result = flash(*arguments, *more)
-        assert {"three_wheel", "four_wheel", "--new-wiring"} <= set(re.findall(r"[\w-]+", result.output))
-    assert json.loads(result.stdout)["problem"]
-    assert flash(*arguments).exit_code == 1
-    assert not bench.was_called("teensy_loader_cli")
-    assert not entered
-    assert flash(*arguments, "--new-wiring").exit_code == 0
-    assert bench.was_called("teensy_loader_cli")
-
-
-def test_what_says_nothing_of_its_wiring_is_no_reason_to_refuse(bench: Bench, board: str) -> None:
-    """A PC's firmware, a board that does not answer, one without a port, and a program without a label."""
-    ours = read_hex(write_hex(bench.hex, teensy_program(wiring_id=7)))
-    assert ours.wiring_id == 7
-    for silent in (Board(teensy(board)), Board(teensy("tcp:127.0.0.1:1")), Board(None)):
-        wiring.require_same_wiring(ours, silent)
-    foreign = read_hex(write_hex(bench.hex, teensy_program()))
-    assert foreign.wiring_id == 0
-    wiring.require_same_wiring(foreign, Board(teensy(board)))
-
-
-def test_a_file_with_another_digest_than_the_wanted_one_is_refused(bench: Bench, board: str) -> None:
-    bench.ports = [teensy(board)]
-    result = flash(str(bench.hex), "--sha256", "0" * 64)
-    assert result.exit_code == 2
-    assert not bench.was_called("teensy_loader_cli")
-    good = hashlib.sha256(bench.hex.read_bytes()).hexdigest()
-    assert flash(str(bench.hex), "--sha256", good.upper(), "--dry-run").exit_code == 0
-    assert flash("--sha256", good, "--dry-run").exit_code == 2
 
 
 def test_a_loader_that_fails_says_how_to_go_on(bench: Bench) -> None:

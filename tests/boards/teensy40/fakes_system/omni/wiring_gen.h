@@ -8,6 +8,7 @@
 namespace omni::wiring {
 
 constexpr size_t wheels = 3;
+constexpr uint32_t id = 0x12345678;
 constexpr uint8_t encoder_pins[wheels][2] = {{255, 255}, {255, 255}, {255, 255}};
 constexpr uint8_t motor_driver = 0;
 constexpr bool motors_on_pins = false;
