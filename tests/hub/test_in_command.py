@@ -16,11 +16,15 @@ STOPS = {
     "termination": command(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0),
     "emergency stop": command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0),
     "hold": command(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP),
+    "mode hold": command(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 0.0),
+    "mode of MAVSDK's hold": command(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 4.0, 3.0),
+    "mode as the heartbeat has it": command(mavlink.MAV_CMD_DO_SET_MODE, 1.0, float(4 << 16 | 3 << 24)),
 }
 MOVES = {
     "arm": command(ARM, 1.0),
     "trajectory": command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, -1.0),
     "release": command(mavlink.MAV_CMD_OMNI_ESTOP, 0.0),
+    "offboard": command(mavlink.MAV_CMD_DO_SET_MODE, 1.0, 6.0),
     "reboot": command(mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0),
 }
 

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import pytest
 
 from omniwheel.dialect import mavlink
-from tests.hub.bench import ACCEPTED, ARM, DENIED, Bench, beat, command
+from tests.hub.bench import ACCEPTED, ARM, DENIED, WIDE, Bench, beat, command, set_point
 
 REBOOT_INFO = mavlink.MAV_CMD_REQUEST_MESSAGE
 
@@ -159,3 +162,51 @@ def test_a_robot_that_refused_another_number_is_not_taken_for_the_one_that_has_i
     bench.robot_system(2)
     bench.robot_is(armed=True)
     assert not bench.hub.command.armed
+
+
+# ---- several robots behind one port
+
+
+def to_system(system: int, message: Any) -> Any:
+    """Return the same message for another system."""
+    for field in ("target_system", "target"):
+        if hasattr(message, field):
+            setattr(message, field, system)
+    return message
+
+
+ONE_EACH = {
+    "e-stop": lambda: command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0),
+    "disarm": lambda: command(ARM, 0.0),
+    "hold": lambda: command(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP),
+    "numbered command": lambda: command(REBOOT_INFO, 148.0, count=7),
+    "set-point": set_point,
+    "sticks": lambda: mavlink.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0),
+    "list": lambda: mavlink.MAVLink_param_request_list_message(1, 1),
+    "parameter": lambda: mavlink.MAVLink_param_request_read_message(1, 1, b"MOT_R", -1),
+    "rate": lambda: command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 30.0, 100_000.0),
+}
+
+
+@pytest.mark.parametrize("name", ONE_EACH)
+def test_what_is_for_one_robot_does_not_take_the_place_of_what_is_for_another(name: str) -> None:
+    bench = Bench()
+    station = bench.join("first")
+    bench.robot_is(armed=False)
+    station.send(*(to_system(system, ONE_EACH[name]()) for system in (1, 2)))
+    bench.run()
+    sent = [getattr(message, "target_system", getattr(message, "target", None)) for _, message in bench.sent]
+    assert sent == [1, 2]
+
+
+def test_a_stop_reaches_the_robot_though_a_program_uses_its_system_id() -> None:
+    """MAVROS does so unless told otherwise."""
+    bench = Bench(replace(WIDE, system_id=7))
+    station, other = bench.join("first"), bench.join("mavros", system=1)
+    other.send(beat())
+    bench.run()
+    bench.sent.clear()
+    station.send(command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0))
+    bench.run()
+    assert [message.get_type() for _, message in bench.sent] == ["COMMAND_LONG"]
+    assert len(other.got("COMMAND_LONG")) == 1

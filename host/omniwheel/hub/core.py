@@ -51,6 +51,8 @@ _ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 _CRITICAL, _WARNING, _NEWS = mavlink.MAV_SEVERITY_CRITICAL, mavlink.MAV_SEVERITY_WARNING, mavlink.MAV_SEVERITY_INFO
 _MOVES = (Kind.MOVE, Kind.SETPOINT)
+_ASKED_OF_ONE = (Kind.INTERVAL, Kind.STREAM, Kind.LIST, Kind.READ)
+"""Requests that are not passed on if the robot that is followed has had them already."""
 
 
 @dataclass(frozen=True)
@@ -204,8 +206,11 @@ class Hub:
         if kind is Kind.NAME:
             self._introduce(client, str(message.text))
             return
-        if not self._route(client, message):
+        for_robot = self._route(client, message)
+        if not for_robot and kind is not Kind.STOP:  # a program may use the robot's own system id
             return
+        if kind in _ASKED_OF_ONE and target_of(message).system not in (0, self._robot.source[0]):
+            kind = Kind.OTHER  # what is known of one robot's parameters and rates says nothing of another's
         if kind is Kind.STOP:
             self._stop(client, message)
         elif not self.is_open:
@@ -331,14 +336,15 @@ class Hub:
     def _waiting(self, number: int, message: Message, kind: Kind) -> Waiting:
         signature = wire.SIGNATURE_BYTES if self._stamp is not None and not wire.is_signed(message) else 0
         slot: object = None
+        target = target_of(message).system
         if kind is Kind.STOP:
-            slot = message.command
+            slot = (target, message.command if is_command(message) else message.get_type())
         elif kind is Kind.HEARTBEAT:
             slot = (kind, source_of(message))
         elif kind in NEWEST_COUNTS:
-            slot = message.get_type()
+            slot = (target, message.get_type())
         elif is_command(message) and receipt_of(message):
-            slot = (message.command, receipt_of(message))
+            slot = (target, message.command, receipt_of(message))
         elif kind in (Kind.LIST, Kind.READ):
             slot = (kind, str(message.to_dict()))
         return Waiting(number, kind, message, len(message.get_msgbuf()) + signature, self._clock(), slot)

@@ -57,6 +57,10 @@ _MOVES = {
     mavlink.MAV_CMD_OMNI_OE_TEST,
     mavlink.MAV_CMD_OMNI_EXCITE,
 }
+_PX4_LOITER = (4, 3)
+"""Main mode and sub mode."""
+_PACKED = 2.0**16
+"""From here on a number holds both modes."""
 _OTHER_KINDS = {
     **dict.fromkeys(_SETPOINTS, Kind.SETPOINT),
     **dict.fromkeys(_FIXES, Kind.FIX),
@@ -89,6 +93,15 @@ class Stop(IntEnum):
     """The robot stays armed, or leaves a loop or an excitation."""
 
 
+def _asks_to_hold(custom_mode: float, sub_mode: float) -> bool:
+    """As the firmware reads a mode (firmware/app/flight_mode.h): the whole number, or main mode and sub mode."""
+    if custom_mode == 0.0:
+        return True
+    if _PACKED <= custom_mode < 2.0**32:
+        return (int(custom_mode) >> 16 & 0xFF, int(custom_mode) >> 24) == _PX4_LOITER
+    return (custom_mode, sub_mode) == _PX4_LOITER
+
+
 def _stop_of(command: int, param1: float) -> Stop | None:
     """As the firmware sees it (firmware/app/stops.cpp); holding the pose and leaving the loop are stops here, too."""
     if command == mavlink.MAV_CMD_OMNI_ESTOP:
@@ -104,14 +117,20 @@ def _stop_of(command: int, param1: float) -> Stop | None:
 
 def stop_of(message: Message) -> Stop | None:
     """Return which stop a message is; None: none."""
-    return _stop_of(message.command, message.param1) if is_command(message) else None
+    if message.get_type() == "SET_MODE":
+        return Stop.HOLD if _asks_to_hold(message.custom_mode, 0.0) else None
+    if not is_command(message):
+        return None
+    if message.command == mavlink.MAV_CMD_DO_SET_MODE:
+        return Stop.HOLD if _asks_to_hold(message.param2, message.param3) else None
+    return _stop_of(message.command, message.param1)
 
 
 def kind_of(message: Message) -> Kind:
     """Say what a message from a client is."""
+    if stop_of(message) is not None:
+        return Kind.STOP
     if is_command(message):
-        if stop_of(message) is not None:
-            return Kind.STOP
         if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
             return Kind.INTERVAL
         return Kind.MOVE if message.command in _MOVES else Kind.OTHER
