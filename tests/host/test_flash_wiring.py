@@ -40,7 +40,12 @@ def test_firmware_of_another_wiring_than_the_boards_is_not_uploaded(
     """Its motors and encoders could be on other pins. A robot that was wired anew is said to be so."""
     of = {name: wiring_id(read_robot(name)) for name in ("three_wheel", "four_wheel")}
     entered: list[Board] = []
-    monkeypatch.setattr(loader, "enter_bootloader", lambda board: entered.append(board) is None)
+
+    def enter(board: Board) -> bool:
+        entered.append(board)
+        return True
+
+    monkeypatch.setattr(loader, "enter_bootloader", enter)
     monkeypatch.setattr(wiring, "_running_id", lambda _: of["four_wheel"])
     bench.ports = [teensy(board)]
     write_hex(bench.hex, teensy_program(wiring_id=of["three_wheel"]))

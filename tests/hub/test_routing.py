@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -175,7 +176,7 @@ def to_system(system: int, message: Any) -> Any:
     return message
 
 
-ONE_EACH = {
+ONE_EACH: dict[str, Callable[[], Any]] = {
     "e-stop": lambda: command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0),
     "disarm": lambda: command(ARM, 0.0),
     "hold": lambda: command(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP),
