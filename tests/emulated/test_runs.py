@@ -20,7 +20,7 @@ from omniwheel import Robot, connect
 from omniwheel.bringup.bench import safety_of
 from omniwheel.connection import Connection
 from omniwheel.emulated_firmware import EmulatedFirmware
-from omniwheel.errors import CommandRefusedError
+from omniwheel.errors import CommandRefusedError, StoppedError
 from omniwheel.telemetry import LocalPosition
 from tests.arm import need_emulated_firmware
 from tests.firmware.client import connect as connect_client
@@ -115,7 +115,8 @@ def test_the_stop_button_at_the_boards_pin_stops_within_two_ticks() -> None:
         assert enabled[-1][1]
         fault, world.c.config.fault_count = world.c.config.fault[0], 1
         fault.kind, fault.start_s, fault.stop_s = KINDS["stop_button"], world.c.time_us * 1e-6 + 0.05, 1e6
-        robot.drive_velocity(0.0, 0.0, 0.5, 0.3, stop=False)
+        with pytest.raises(StoppedError):
+            robot.drive_velocity(0.0, 0.0, 0.5, 0.3, stop=False)
         on = [time_us for time_us, is_on in enabled if is_on]
         assert on[-1] - fault.start_s * 1e6 <= 2000, "the world hears of a tick in the next one"
         with pytest.raises(CommandRefusedError, match="stop button is still open"):

@@ -413,7 +413,7 @@ def test_reproduce_says_what_an_experiment_found(tmp_path: Path, monkeypatch: py
 
 @pytest.mark.full
 def test_stop_is_latched_until_it_is_released(url: str) -> None:
-    assert run_json("stop", "--link", url) == {"state": "stopped"}
+    assert run_json("stop", "--link", url) == {"state": "stopped", "systems": [1]}
     assert run_json("monitor", "--link", url)["state"] == "estop"
     refused = run("drive", "velocity", "0.1", "0", "0", "--link", url, code=1)
     assert "estop" in refused.stderr
