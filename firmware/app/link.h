@@ -72,6 +72,8 @@ public:
     bool connected() const { return session_ != 0; }
     uint32_t rx_errors() const { return parser_.errors(); }
     uint32_t tx_dropped() const { return tx_dropped_; }
+    /// Telemetry that became old before there was room for it.
+    void count_dropped(uint32_t frames) { tx_dropped_ += frames; }
 
 private:
     float budget() const;

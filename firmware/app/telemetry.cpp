@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/telemetry.h"
 
+#include <algorithm>
 #include <cmath>
 #include <initializer_list>
 
@@ -10,6 +11,8 @@ namespace omni {
 namespace {
 
 constexpr uint64_t radio_spread_us = 70'000;
+/// A stream that has waited for so long for room goes before more important ones.
+constexpr uint64_t longest_wait_us = 1'000'000;
 constexpr float min_interval_us = 1000.0f;
 constexpr float max_interval_us = 4.0e9f;
 /// Of the heartbeat, which stations know the robot by: it cannot be switched off either.
@@ -56,7 +59,9 @@ void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
         // A frame that a radio would cut in two is sent there only if it was asked for by name.
         const bool too_long = links_[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
         if (streams[i].group == group) {
-            due_[link][i].interval_us = too_long ? 0 : interval_of(rate_Hz);
+            Due &due = due_[link][i];
+            due.next_us = due.interval_us == 0 ? clock_.now_us : due.next_us;
+            due.interval_us = too_long ? 0 : interval_of(rate_Hz);
         }
     }
 }
@@ -136,22 +141,53 @@ void Telemetry::watch_state() {
     }
 }
 
+/// The stream whose turn it is: the heartbeat, then the one that has waited longest of those that have waited too long,
+/// then the most important one. @return stream_count if none is due
+size_t Telemetry::next_stream(size_t link) const {
+    const uint64_t now_us = clock_.now_us;
+    size_t first = stream_count;
+    size_t oldest = stream_count;
+    for (size_t i = 0; i < stream_count; ++i) {
+        const Due &due = due_[link][i];
+        if (due.interval_us == 0 || now_us < due.next_us) {
+            continue;
+        }
+        if (streams[i].id == MAVLINK_MSG_ID_HEARTBEAT) {
+            return i;
+        }
+        first = std::min(first, i);
+        const bool overdue = now_us - due.next_us >= longest_wait_us;
+        if (overdue && (oldest == stream_count || due.next_us < due_[link][oldest].next_us)) {
+            oldest = i;
+        }
+    }
+    return oldest != stream_count ? oldest : first;
+}
+
+/// Without room all wait for the stream whose turn it is. So on a line that is too slow the least important streams
+/// become slower first, and none falls silent only because there was no room at the moment when it became due.
+void Telemetry::serve_link(size_t link) {
+    for (size_t i = next_stream(link); i != stream_count; i = next_stream(link)) {
+        if (!links_[link].admits(Priority::telemetry, longest_frame(streams[i].id))) {
+            return;
+        }
+        Due &due = due_[link][i];
+        const uint64_t late_us = clock_.now_us - due.next_us;
+        if (late_us < due.interval_us) {
+            due.next_us += due.interval_us;
+        } else {
+            links_[link].count_dropped(static_cast<uint32_t>(late_us / due.interval_us));
+            due.next_us = clock_.now_us + due.interval_us;
+        }
+        streams[i].report(sources_, links_[link], Priority::telemetry, false);
+    }
+}
+
 void Telemetry::serve() {
     watch_state();
     for (size_t link = 0; link < links_.count(); ++link) {
-        if (!links_[link].connected()) {
-            continue;
-        }
-        for (size_t i = 0; i < stream_count; ++i) {
-            Due &due = due_[link][i];
-            if (due.interval_us == 0 || clock_.now_us < due.next_us) {
-                continue;
-            }
-            due.next_us += due.interval_us;
-            if (due.next_us <= clock_.now_us) {
-                due.next_us = clock_.now_us + due.interval_us;
-            }
-            streams[i].report(sources_, links_[link], Priority::telemetry, false);
+        if (links_[link].connected()) {
+            serve_link(link);
         }
     }
 }

@@ -39,6 +39,8 @@ private:
     };
     void set_group(size_t link, Group group, float rate_Hz);
     void watch_state();
+    size_t next_stream(size_t link) const;
+    void serve_link(size_t link);
 
     Links &links_;
     const ReportSources sources_;

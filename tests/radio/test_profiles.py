@@ -73,6 +73,23 @@ def test_the_default_rates_cannot_flood_a_slow_line() -> None:
         assert max(ages) < 1.5
 
 
+def test_no_message_stays_away_where_rates_do_not_fit() -> None:
+    """Five messages at 20 Hz are four times the budget of 9600 baud."""
+    fast = ["LOCAL_POSITION_NED", "ATTITUDE", "POSITION_TARGET_LOCAL_NED", "OMNI_TRACKING", "OMNI_HEALTH"]
+    with MemoryRobot() as robot:
+        link = RadioLink(robot, RadioSettings(baud=9600))
+        heard: Counter[str] = Counter()
+        with station(robot, link) as there:
+            for name in fast:
+                there.set_message_interval(name, 20.0)
+            there.pump(5.0)
+            there.connection.add_listener(lambda message: heard.update([message.get_type()]))
+            there.pump(30.0)
+        assert heard["HEARTBEAT"] >= 29
+        assert min(heard[name] for name in ("SYS_STATUS", "OMNI_STATUS", "BATTERY_STATUS")) >= 5
+        assert min(heard[name] for name in fast) >= 25, heard
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("baud", [9600, 115200])
 @pytest.mark.parametrize("signed", [False, True], ids=["unsigned", "signed"])
