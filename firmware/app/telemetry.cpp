@@ -54,7 +54,7 @@ bool is_valid_id(float id) {
 
 } // namespace
 
-void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
+OMNI_COLD void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
     for (size_t i = 0; i < stream_count; ++i) {
         // A frame that a radio would cut in two is sent there only if it was asked for by name.
         const bool too_long = links_[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
@@ -66,7 +66,7 @@ void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
     }
 }
 
-void Telemetry::set_rates(size_t link, const omni_real_t *values) {
+OMNI_COLD void Telemetry::set_rates(size_t link, const omni_real_t *values) {
     for (const Group group : groups) {
         set_group(link, group, boot_rate(link, group, values));
     }
@@ -192,7 +192,7 @@ void Telemetry::serve() {
     }
 }
 
-void Telemetry::restart(size_t link) {
+OMNI_COLD void Telemetry::restart(size_t link) {
     // On a radio one after the other: all at once would be more than its budget's burst.
     const uint64_t spread_us = links_[link].is_radio() ? radio_spread_us : 0;
     for (size_t i = 0; i < stream_count; ++i) {
@@ -200,7 +200,7 @@ void Telemetry::restart(size_t link) {
     }
 }
 
-void Telemetry::restart() {
+OMNI_COLD void Telemetry::restart() {
     for (size_t link = 0; link < Board::max_ports; ++link) {
         restart(link);
     }

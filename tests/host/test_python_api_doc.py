@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The programs of docs/guides/python-api.md, run as they stand against the PC firmware."""
+"""The programs of docs/guides/python-api.md, run as they stand against `omni sitl`."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from omniwheel import connect
+from tests.hub.parts import omni
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "guides" / "python-api.md"
 DOCUMENTED_URL = "tcp:127.0.0.1:5760"
@@ -20,18 +21,20 @@ BLOCKS = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8")
 
 @pytest.mark.full
 @pytest.mark.parametrize("block", range(len(BLOCKS)))
-def test_the_documented_program_works(block: int, url: str) -> None:
+def test_the_documented_program_works(block: int) -> None:
     assert DOCUMENTED_URL in BLOCKS[block]
-    program = BLOCKS[block].replace(DOCUMENTED_URL, url)
-    environment = {**os.environ, "MAVLINK20": "1"}
-    result = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False, env=environment
-    )
-    assert result.returncode == 0, result.stderr
-    assert result.stdout.count("\n") >= 2
-    with connect(url) as robot:
-        assert robot.parameters["ISMC_LAM_XY"] == 15.0
-        assert not robot.status.armed
+    with omni("sitl", "--port", "0", "--json") as (_, ready):
+        url = ready["links"][0]
+        program = BLOCKS[block].replace(DOCUMENTED_URL, url)
+        environment = {**os.environ, "MAVLINK20": "1"}
+        result = subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False, env=environment
+        )
+        assert result.returncode == 0, result.stderr
+        assert result.stdout.count("\n") >= 2
+        with connect(url) as robot:
+            assert robot.parameters["ISMC_LAM_XY"] == 15.0
+            assert not robot.status.armed
 
 
 def test_there_is_a_program_with_this_package_and_one_with_plain_pymavlink() -> None:

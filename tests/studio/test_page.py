@@ -229,10 +229,14 @@ def test_a_path_is_not_begun_behind_a_persons_back(page: Page) -> None:
 def test_keys_drive_as_long_as_they_are_held(page: Page) -> None:
     arm(page)
     page.check("#keys")
-    page.locator("#keys").focus()
     x = page.evaluate("studio.state.robot.pose[0]")
-    page.keyboard.down("w")
-    until(page, f"robot.pose[0] > {x} + 0.02")
+
+    def hold_key() -> None:
+        page.keyboard.up("w")
+        page.locator("#keys").focus()
+        page.keyboard.down("w")
+
+    drive(page, hold_key, f"robot.pose[0] > {x} + 0.02")
     page.keyboard.up("w")
     until(page, "document.getElementById('key-text').textContent === ''")
     until(page, "robot.mode === 'velocity' || robot.mode === 'hold'")
@@ -251,12 +255,14 @@ def test_a_gamepad_drives_turns_and_stops(page: Page) -> None:
     page.check("#gamepad")
     until(page, "document.getElementById('gamepad-text').textContent.includes('press a button')")
     x, _, theta = page.evaluate("studio.state.robot.pose")
-    page.evaluate(PAD, {"axes": [0, 0, 0, 0]})
-    until(page, "document.getElementById('gamepad-text').textContent === 'Test pad'")
-    page.evaluate(PAD, {"axes": [0, -1, 0, 0]})
-    until(page, f"robot.pose[0] > {x} + 0.02")
-    page.evaluate(PAD, {"axes": [0.05, 0.1, -1, 0]})  # the left stick rests
-    until(page, f"robot.pose[2] > {theta} + 0.05")
+
+    def move_sticks(*axes: float) -> None:
+        page.evaluate(PAD, {"axes": [0, 0, 0, 0]})
+        until(page, "document.getElementById('gamepad-text').textContent === 'Test pad'")
+        page.evaluate(PAD, {"axes": axes})
+
+    drive(page, lambda: move_sticks(0, -1, 0, 0), f"robot.pose[0] > {x} + 0.02")
+    drive(page, lambda: move_sticks(0.05, 0.1, -1, 0), f"robot.pose[2] > {theta} + 0.05")  # the left stick rests
     page.evaluate(PAD, None)  # unplugged
     until(page, "document.getElementById('key-text').textContent === ''")
     page.evaluate(PAD, {"axes": [0, -1, 0, 0], "button": 1})
