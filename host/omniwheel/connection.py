@@ -14,7 +14,8 @@ from typing import Any
 
 from omniwheel.default_key import default_key
 from omniwheel.default_system import LAST_SYSTEM, RENAMED_AFTER_S
-from omniwheel.dialect import HUB_COMPONENT, Message, is_autopilot, mavlink, take_bytes
+from omniwheel.dialect import HUB_COMPONENT, Message, is_addressed, is_autopilot, mavlink, take_bytes, tells_time
+from omniwheel.errors import SeveralRobotsError
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -107,7 +108,10 @@ class Connection:
             self.next_heartbeat_s = before
 
     def send(self, message: Message) -> None:
-        """Send one message."""
+        """Send one message. Raises SeveralRobotsError for one that another robot on the line would take for its own."""
+        if self.other_systems and not is_addressed(message):
+            systems = sorted({self.target_system, *self.other_systems})
+            raise SeveralRobotsError(self.link.url, systems, message.get_type())
         if self.signer is not None:
             self.signer.before_sending(self._codec)
         self._codec.send(message)
@@ -189,7 +193,7 @@ class Connection:
                 self._heard_s = self.clock()
                 received.append(message)
                 self.hand_out(message)
-            elif is_autopilot(message):
+            elif is_autopilot(message) or tells_time(message):
                 self._note_other(message.get_srcSystem())
         return received
 

@@ -83,6 +83,17 @@ def is_autopilot(message: Message) -> bool:
     return message.type not in others
 
 
+def tells_time(message: Message) -> bool:
+    """Return whether a message is an autopilot's answer to TIMESYNC."""
+    autopilot = message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+    return autopilot and message.get_type() == "TIMESYNC" and bool(message.tc1 != 0)
+
+
+def is_addressed(message: Message) -> bool:
+    """Return whether a message says whom it is for, or is one that does no harm to a robot that it is not meant for."""
+    return "target_system" in message.fieldnames or message.get_type() in ("HEARTBEAT", "TIMESYNC")
+
+
 def enum_name(enum: str, value: int, prefix: str = "") -> str:
     """Return the name of an enum's value without ``prefix``, or the number as text if it has none."""
     entry = mavlink.enums[enum].get(value)

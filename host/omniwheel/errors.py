@@ -99,16 +99,19 @@ class LinkTimeoutError(LinkError, TimeoutError):
 
 
 class SeveralRobotsError(LinkError, ValueError):
-    """Several robots are on one line and none was chosen; ``systems`` are their system ids."""
+    """Several robots are on one line, and none was chosen or ``message`` would reach all of them.
+
+    ``systems`` are their system ids. ``message`` is the name of a MAVLink message without a target system.
+    """
 
     exit_code = 2
 
-    def __init__(self, url: str, systems: Sequence[int]) -> None:
+    def __init__(self, url: str, systems: Sequence[int], message: str = "") -> None:
         names = " and ".join(map(str, systems))
-        super().__init__(
-            f"several robots are on {url}: system ids {names}",
-            hint=f"choose one with --system {systems[0]}; in Python connect(..., system_id={systems[0]})",
-        )
+        choose = f"choose one with --system {systems[0]}; in Python connect(..., system_id={systems[0]})"
+        hint = "give each robot a line of its own: this message has no target system" if message else choose
+        sent = f", and {message} would reach all of them" if message else ""
+        super().__init__(f"several robots are on {url}: system ids {names}{sent}", hint=hint)
         self.systems = tuple(systems)
 
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from omniwheel.connection import Connection
-from omniwheel.dialect import Message, is_autopilot, mavlink
+from omniwheel.dialect import Message, is_autopilot, mavlink, tells_time
 from omniwheel.errors import LinkTimeoutError, SeveralRobotsError, SigningKeyError
 from omniwheel.signing import is_signed
 
@@ -59,20 +59,15 @@ def _listen_for_others(connection: Connection, robot: Message) -> None:
     connection.send(mavlink.MAVLink_timesync_message(0, stamp_ns))
 
     def answers(message: Message) -> bool:
-        return _tells_time(message) and message.ts1 == stamp_ns and message.get_srcSystem() == robot.get_srcSystem()
+        return tells_time(message) and message.ts1 == stamp_ns and message.get_srcSystem() == robot.get_srcSystem()
 
     if connection.wait(answers, LISTEN_S) is not None:
         connection.pump(connection.clock() - begin_s + ANSWERS_APART_S)
 
 
-def _tells_time(message: Message) -> bool:
-    autopilot = message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
-    return autopilot and message.get_type() == "TIMESYNC" and bool(message.tc1 != 0)
-
-
 def _robots(heard: list[Message]) -> list[int]:
     """Return the system ids of the robots among those that were heard."""
-    return sorted({message.get_srcSystem() for message in heard if is_autopilot(message) or _tells_time(message)})
+    return sorted({message.get_srcSystem() for message in heard if is_autopilot(message) or tells_time(message)})
 
 
 def _stopping(

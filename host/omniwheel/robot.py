@@ -293,7 +293,7 @@ class Robot:
         """Send a measured world pose, as from motion capture; ``time_us`` in the robot's clock, 0: unknown.
 
         ``sd_xy_m`` and ``sd_theta_rad`` are its standard deviations, of x and of y, and of theta. 0: not known, and
-        the robot takes ``EKF_R_XY`` and ``EKF_R_TH``.
+        the robot takes ``EKF_R_XY`` and ``EKF_R_TH``. Raises SeveralRobotsError while another robot is on the line.
         """
         self.send(pose_fix_message(Pose(x, y, theta), time_us, sd_xy_m, sd_theta_rad))
 

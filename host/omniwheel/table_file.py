@@ -37,7 +37,7 @@ class TableFormat:
 
     ``needed`` and ``optional`` are the columns in their documented order; without any, all names are allowed and there
     has to be a heading line. ``delimiter`` None: semicolons or tabs if there are some, else commas. ``comments``: lines
-    with # are passed over.
+    with # are passed over, but for one before the numbers that names the columns, as numpy.savetxt writes it.
     """
 
     error: type[OmniError]
@@ -54,9 +54,11 @@ class TableFormat:
 
 def read_table(path: Path, wanted: TableFormat) -> Table:
     """Read the table of a file. Raises the error of ``wanted``, which names the line."""
-    rows = _rows(path, wanted)
+    rows, named = _rows(path, wanted)
     if not rows:
         raise wanted.wrong(f"{path} holds no rows")
+    if named is not None and not _is_heading(rows[0][1]):
+        rows.insert(0, named)
     line, first = rows[0]
     if _is_heading(first):
         names, rows = tuple(first), rows[1:]
@@ -74,7 +76,12 @@ def read_table(path: Path, wanted: TableFormat) -> Table:
     return Table({name: table[:, index] for index, name in enumerate(names)}, tuple(line for line, _ in rows))
 
 
-def _rows(path: Path, wanted: TableFormat) -> list[tuple[int, list[str]]]:
+_Row = tuple[int, list[str]]
+"""Number of its line, cells."""
+
+
+def _rows(path: Path, wanted: TableFormat) -> tuple[list[_Row], _Row | None]:
+    """Return the rows, and the comment before them that names columns, if there is one."""
     try:
         text = path.read_text(encoding="utf-8-sig")
         delimiter = wanted.delimiter or next((sign for sign in ";\t" if sign in text), ",")
@@ -83,7 +90,23 @@ def _rows(path: Path, wanted: TableFormat) -> list[tuple[int, list[str]]]:
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise wanted.wrong(f"{path}: cannot be read: {reason}") from error
-    return [(line, row) for line, row in rows if any(row) and not (wanted.comments and row[0].startswith("#"))]
+    rows = [(line, row) for line, row in rows if any(row)]
+    if not wanted.comments:
+        return rows, None
+    content = [(line, row) for line, row in rows if not row[0].startswith("#")]
+    first_line = content[0][0] if content else 0
+    before = [(line, _without_sign(row)) for line, row in rows if row[0].startswith("#") and line < first_line]
+    return content, next((row for row in before if _names_columns(row[1], len(content[0][1]), wanted)), None)
+
+
+def _without_sign(row: Sequence[str]) -> list[str]:
+    return [row[0].lstrip("# \t"), *row[1:]]
+
+
+def _names_columns(cells: Sequence[str], count: int, wanted: TableFormat) -> bool:
+    """Say whether a comment has as many cells as a row, and a column's name in one of them."""
+    known = {*wanted.needed, *wanted.optional}
+    return len(cells) == count > 1 and any(word in known for cell in cells for word in re.findall(r"\w+", cell.lower()))
 
 
 def _is_heading(row: Sequence[str]) -> bool:

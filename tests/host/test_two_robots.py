@@ -14,7 +14,10 @@ from omniwheel.cli.group import _options_first
 from omniwheel.default_system import default_system
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError, SeveralRobotsError
+from omniwheel.frames import Pose
 from omniwheel.hub.core import HubSettings
+from omniwheel.mocap.bridge import Bridge
+from omniwheel.mocap.source import MocapPose
 from tests.host.two_robots import FIRST, SECOND, TwoRobots, everybody_connects_to
 from tests.hub.bench import Bench
 
@@ -97,6 +100,51 @@ def test_a_command_finds_its_robot_by_system() -> None:
     assert line.robots[SECOND].values["WS_P"] == 4.5
     assert omni(line, "--system", str(FIRST), "params", "set", "WS_P=5.5").exit_code == 0
     assert (line.robots[FIRST].values["WS_P"], line.robots[SECOND].values["WS_P"]) == (5.5, 4.5)
+
+
+def pose_fixes(line: TwoRobots) -> dict[int, int]:
+    kinds = ("VICON_POSITION_ESTIMATE", "OMNI_POSE_FIX")
+    return {number: sum(m.get_type() in kinds for m in one.received) for number, one in line.robots.items()}
+
+
+def test_a_pose_fix_which_would_reach_both_is_refused() -> None:
+    line = TwoRobots(apart_s=5.0)
+    with connect(line, clock=line.clock) as robot:
+        robot.send_pose_fix(0.1, 0.2, 0.3)
+        robot.pump(10.0)
+        with pytest.raises(SeveralRobotsError, match="VICON_POSITION_ESTIMATE") as caught:
+            robot.send_pose_fix(0.1, 0.2, 0.3)
+        assert caught.value.systems == (FIRST, SECOND)
+        robot.arm()
+        robot.set_pose(0.1, 0.2, 0.3)
+    assert pose_fixes(line) == {FIRST: 1, SECOND: 1}
+
+
+class OnePose:
+    """A motion-capture stream of one pose."""
+
+    name = "one pose"
+
+    def __init__(self, line: TwoRobots) -> None:
+        self.clock = line.clock
+        self.ended = False
+
+    def read(self, timeout_s: float) -> MocapPose | None:
+        if self.ended:
+            return None
+        self.ended = True
+        return MocapPose(Pose(1.0, 2.0, 0.5), self.clock(), self.clock(), 1)
+
+    def close(self) -> None:
+        """There is nothing to close."""
+
+
+@pytest.mark.parametrize("system", [FIRST, SECOND])
+def test_a_bridge_for_one_robot_moves_no_other_robot(system: int) -> None:
+    line = TwoRobots(apart_s=0.7, tell_time=True)
+    with Bridge(OnePose(line), line, system_id=system, clock=line.clock) as bridge, pytest.raises(SeveralRobotsError):
+        bridge.run(1.0)
+    assert pose_fixes(line) == {FIRST: 0, SECOND: 0}
 
 
 @pytest.mark.parametrize("words", [["stop"], ["stop", "--disarm"]])

@@ -21,6 +21,10 @@ INTEGER_TOLERANCE = 0.05
 """How far a recovered count may be from a whole number, in the median."""
 MOST_DROPPED = 0.05
 """Share of the rows that may be left out because their time does not rise: a repeated row now and then."""
+MOST_REJECTED = 0.25
+"""Share of a wheel's counts that may be spikes. Where it is more, the limits of the mapping are wrong."""
+PERIOD_TOLERANCE = 0.25
+"""How far the rows' distance may be from the mapping's period, as a share, in the median."""
 MAX_TURN_RAD_S = 20.0
 """A heading that changes faster than this has been restarted."""
 
@@ -112,6 +116,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
                 f"{path}: a duty exceeds its full scale", hint=f"correct duty.full_scale in {mapping.source}"
             )
     step = np.concatenate(([mapping.period_s], np.diff(time[keep])))
+    _require_period(path, step, mapping)
     heading = np.full(len(wheels), np.nan)
     restarts: list[int] = []
     if mapping.heading:
@@ -135,6 +140,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         noise_rad_s=mapping.noise_rad_s,
     )
     good, noise = reject_spikes(log, mapping.spikes)
+    _require_good(path, good, mapping)
     summary = ImportSummary(
         rows=len(log.time_s),
         dropped_rows=int(np.sum(~keep)),
@@ -147,6 +153,27 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
     )
     return replace(log, good=good), summary
+
+
+def _require_period(path: Path, step_s: Array, mapping: Mapping) -> None:
+    """Raise LogError where the rows are not one period apart: speeds would be taken for the counts of another time."""
+    found_s = float(np.median(step_s[1:])) if len(step_s) > 1 else mapping.period_s
+    if abs(found_s - mapping.period_s) > PERIOD_TOLERANCE * mapping.period_s:
+        raise LogError(
+            f"{path}: the rows are {found_s:g} s apart in the median, and log.period_s is {mapping.period_s:g} s",
+            hint=f"correct log.period_s or log.time.unit in {mapping.source}",
+        )
+
+
+def _require_good(path: Path, good: Mask, mapping: Mapping) -> None:
+    rejected = 1.0 - good.mean(axis=0)
+    worst = int(np.argmax(rejected))
+    if rejected[worst] > MOST_REJECTED:
+        raise LogError(
+            f"{path}: {100.0 * rejected[worst]:.0f} % of the counts in {mapping.wheels[worst]} are rejected as spikes",
+            hint=f"correct counts_per_revolution or the unit of [wheels], or max_rad_s and threshold of [spikes], in "
+            f"{mapping.source}",
+        )
 
 
 def frozen_columns(columns: dict[str, Array], time_s: Array) -> tuple[Frozen, ...]:

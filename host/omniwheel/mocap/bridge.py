@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, replace
 from omniwheel.byte_budget import ByteBudget, MeteredLink
 from omniwheel.dialect import Message
 from omniwheel.errors import LinkTimeoutError, SetpointError
+from omniwheel.first_contact import ANSWERS_APART_S
 from omniwheel.frames import Pose
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.limits import (
@@ -130,7 +131,8 @@ class Bridge:
     """Sends the poses of ``source`` to the robot on ``link``, which it owns from then on. A context manager.
 
     ``source`` and ``clock`` must tell the same time. Raises what :func:`omniwheel.connect` raises, and
-    LinkTimeoutError if the robot does not answer TIMESYNC.
+    LinkTimeoutError if the robot does not answer TIMESYNC. A fix has no target system: while another robot is on the
+    line, sending one raises SeveralRobotsError.
     """
 
     def __init__(
@@ -159,6 +161,7 @@ class Bridge:
         except LinkTimeoutError:
             self.close()
             raise
+        self.robot.connection.pump(ANSWERS_APART_S)  # other robots answer, too: a fix would reach them
         self._start_s = self._next_s = clock()
 
     def __enter__(self) -> Bridge:

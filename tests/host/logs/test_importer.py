@@ -192,3 +192,29 @@ def test_columns_of_one_name_and_a_file_without_names_are_refused(
         import_log(twice, mapping)
     with pytest.raises(LogError, match=":1: "):
         import_log(changed(tmp_path, lines[1:]), mapping)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        ("period_s = 0.01", "period_s = 0.005"),
+        ("period_s = 0.01", "period_s = 0.02"),
+        ('column = "t"', 'column = "t"\nunit = "ms"'),
+    ],
+)
+def test_a_period_or_clock_unit_that_the_rows_contradict_is_refused(
+    tmp_path: Path, files: Path, before: str, after: str
+) -> None:
+    """Whole multiples, too, where speeds stay whole counts."""
+    assert before in synthetic.MAPPING
+    (tmp_path / "mapping.toml").write_text(synthetic.MAPPING.replace(before, after, 1), encoding="utf-8")
+    with pytest.raises(LogError, match=r"rows are .* s apart .* log\.period_s") as caught:
+        import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"))
+    assert "log.time.unit" in (caught.value.hint or "")
+
+
+def test_a_log_of_which_most_is_rejected_is_refused(tmp_path: Path, files: Path) -> None:
+    text = synthetic.MAPPING + "[spikes]\nmax_rad_s = 0.5\n"
+    (tmp_path / "mapping.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(LogError, match=r"% of the counts in w[123] are rejected"):
+        import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"))
