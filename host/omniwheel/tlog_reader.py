@@ -7,7 +7,7 @@ The memory it needs does not grow with the log.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 from omniwheel.dialect import Message, mavlink
@@ -23,6 +23,8 @@ LATE_S = 1.0
 SILENT_S = 5.0
 """After so long without the robot's time, nothing is known of what was between."""
 RESTARTED = "the robot restarted"
+PAUSED_S = 0.3
+"""The telemetry that is drawn or integrated comes more often."""
 WRAP_S = 2.0**32 * 1e-3
 _TIMED = {
     "OMNI_TRACKING": ("time_boot_ms", 1e-3),
@@ -35,6 +37,7 @@ _TIMED = {
 class TlogReader:
     """Iterates over the messages of a log in their order; afterwards ``skipped`` says how many bytes are no record.
 
+    :func:`recorded_s` tells when each was recorded.
     Frames of MAVLink 1 and 2 are read. Frames with a wrong checksum are skipped. Raises OSError.
     """
 
@@ -80,12 +83,19 @@ def _record(codec: mavlink.MAVLink, data: bytes, at: int, ended: bool) -> tuple[
         follows = end + STAMP
         sure = data[follows] in _MARKERS if follows < len(data) else ended and end == len(data)
         if message is not None and (sure or not _is_unknown(message)):
+            vars(message)["_timestamp"] = int.from_bytes(data[at:frame], "big") * 1e-6  # where pymavlink has it
             return message, end
         if sure:
             return None, end
     found = [place for marker in _MARKERS if (place := data.find(marker, frame + 1)) >= 0]
     place = min(found) - STAMP if found else len(data) if ended else len(data) - STAMP
     return None, max(place, at + 1)
+
+
+def recorded_s(message: Message) -> float | None:
+    """Return when a message of a log was recorded [s since 1970]; None of one that comes from elsewhere."""
+    stamp_s: float | None = vars(message).get("_timestamp")
+    return stamp_s
 
 
 def _is_unknown(message: Message) -> bool:
@@ -114,24 +124,31 @@ class RobotClock:
 
     newest_s: float | None = None
     offset_s: float = 0.0
-    starts: list[tuple[float, str]] = field(default_factory=list)
+    starts: tuple[tuple[float, str], ...] = ()
+    stamp_s: float | None = None
 
-    def follow(self, robot_s: float) -> float:
-        """Return the log's time for the next of the robot's times."""
+    def follow(self, robot_s: float, stamp_s: float | None = None) -> float:
+        """Return the log's time for the next of the robot's times, which was recorded at ``stamp_s`` if that is known.
+
+        A clock that began again may be where the old one was. Then the recorder's clock shows the time between. A
+        simulated robot's clock stands still for as long as it is paused.
+        """
         time_s = robot_s + self.offset_s
         if self.newest_s is None:
             self.newest_s = time_s
-        if time_s < self.newest_s - LATE_S:
-            if abs(time_s + WRAP_S - self.newest_s) < SILENT_S:
-                self.offset_s += WRAP_S
-                time_s += WRAP_S
-            else:
-                self.offset_s += self.newest_s + LATE_S - time_s
-                time_s = self.newest_s + LATE_S
-                self.starts.append((self.newest_s + 0.5 * LATE_S, RESTARTED))
-        elif time_s > self.newest_s + SILENT_S:
-            silent = f"nothing was heard of the robot for {time_s - self.newest_s:.1f} s"
-            self.starts.append((0.5 * (self.newest_s + time_s), silent))
+        went_s = time_s - self.newest_s
+        recorded_s = 0.0 if stamp_s is None or self.stamp_s is None else stamp_s - self.stamp_s
+        self.stamp_s = stamp_s
+        if went_s < -LATE_S and abs(went_s + WRAP_S) < SILENT_S:
+            self.offset_s += WRAP_S
+            time_s += WRAP_S
+        elif went_s < -LATE_S or (recorded_s - went_s > SILENT_S and not 0.0 <= went_s <= PAUSED_S):
+            self.offset_s += LATE_S - went_s
+            time_s = self.newest_s + LATE_S
+            self.starts += ((self.newest_s + 0.5 * LATE_S, RESTARTED),)
+        elif went_s > SILENT_S:
+            silent = f"nothing was heard of the robot for {went_s:.1f} s"
+            self.starts += ((0.5 * (self.newest_s + time_s), silent),)
         self.newest_s = max(self.newest_s, time_s)
         return time_s
 
@@ -159,7 +176,7 @@ def longest_part(messages: Iterable[Message]) -> tuple[list[Message], str]:
             if message.get_srcSystem() != system:
                 continue
             first = clock.newest_s is None
-            time_s = clock.follow(robot_s)
+            time_s = clock.follow(robot_s, recorded_s(message))
             if first:
                 begins[0] = time_s
             if len(clock.starts) == len(parts):

@@ -58,6 +58,22 @@ def drive(start_ms: int = 3000, begin_m: float = 0.0, theta: float = 0.0, system
     return b"".join(records)
 
 
+def later(records: bytes, seconds: float) -> bytes:
+    """The same records, recorded later by the recorder's clock."""
+    return b"".join(
+        (int.from_bytes(record[:8], "big") + round(1e6 * seconds)).to_bytes(8, "big") + record[8:]
+        for record in (records[begin:end] for begin, end in record_places(records))
+    )
+
+
+def record_places(records: bytes) -> list[tuple[int, int]]:
+    ends, at = [], 0
+    while at < len(records):
+        ends.append((at, at + 8 + 12 + records[at + 9]))
+        at = ends[-1][1]
+    return ends
+
+
 def log(folder: Path, *parts: bytes) -> Path:
     path = folder / "x.tlog"
     path.write_bytes(b"".join(parts))
@@ -71,8 +87,10 @@ def log(folder: Path, *parts: bytes) -> Path:
         drive(3000, 50.0),
         drive(3000 + 50 * DRIVE + 60_000, 50.0, 9.0),
         drive(500, 7.0) + drive(500, 7.0),
+        later(drive(3000 + 50 * DRIVE + 1000, 9.0), 30.0),
+        later(drive(3000 + 50 * DRIVE - 900, 9.0), 30.0),
     ],
-    ids=["restart", "same clock", "silent for a minute", "two restarts"],
+    ids=["restart", "same clock", "silent for a minute", "two restarts", "a little ahead", "a little behind"],
 )
 def test_no_number_is_taken_across_a_restart_or_a_gap(tmp_path: Path, second: bytes) -> None:
     record = read_record(log(tmp_path, drive(), second))
@@ -94,10 +112,17 @@ def test_a_clock_of_milliseconds_goes_on_where_it_wraps(tmp_path: Path) -> None:
     assert record.numbers()["duration_s"] == pytest.approx(0.05 * (DRIVE - 1))
 
 
+def test_a_simulated_robot_that_was_paused_has_not_restarted(tmp_path: Path) -> None:
+    paused = later(drive(3000 + 50 * DRIVE, SPEED_M_S * 0.05 * DRIVE), 30.0)
+    record = read_record(log(tmp_path, drive(), paused))
+    assert record.starts == ()
+    assert record.numbers()["way_m"] == pytest.approx(SPEED_M_S * 0.05 * (2 * DRIVE - 1), rel=1e-4)
+
+
 def test_what_a_radio_brings_late_is_no_restart() -> None:
     clock = RobotClock()
     assert [clock.follow(time_s) for time_s in (5.0, 5.9, 5.1, 6.0)] == [5.0, 5.9, 5.1, 6.0]
-    assert clock.starts == []
+    assert clock.starts == ()
 
 
 def test_a_replay_is_that_of_the_longest_part(tmp_path: Path) -> None:
@@ -212,11 +237,14 @@ def test_memory_does_not_hold_the_messages(tmp_path: Path) -> None:
     assert more - less < 5 * (large - small)
 
 
-def test_a_log_in_the_studio_marks_a_restart(tmp_path: Path) -> None:
-    opened = RecordedLog(log(tmp_path, drive(), drive(2000)))
+@pytest.mark.parametrize(
+    "second", [drive(2000), later(drive(3000 + 50 * DRIVE + 1000, 9.0), 30.0)], ids=["restart", "a little ahead"]
+)
+def test_a_log_in_the_studio_marks_a_restart(tmp_path: Path, second: bytes) -> None:
+    opened = RecordedLog(log(tmp_path, drive(), second))
     try:
         marks = opened.marks()
-        assert [mark["time_s"] for mark in marks] == pytest.approx([0.05 * (DRIVE - 1) + 1.0])
+        assert [mark["time_s"] for mark in marks] == pytest.approx([0.05 * (DRIVE - 1) + 0.5])
         (trace,) = opened.samples(["tracking.pose.x"], 0.0, 1e3)
         with pytest.raises(TooFewSamplesError, match="gap"):
             spectrum(trace)

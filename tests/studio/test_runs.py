@@ -116,9 +116,10 @@ def test_the_overview_keeps_extremes_and_its_size(parts: int, seed: int) -> None
 
 def test_time_goes_on_when_the_robot_restarts() -> None:
     clock = Clock()
-    assert list(clock.follow(np.array([5.0, 6.0]))) == [5.0, 6.0]
-    assert list(clock.follow(np.array([6.5, 0.1, 0.2]))) == pytest.approx([6.5, 7.5, 7.6])
-    assert list(clock.follow(np.array([0.3]))) == pytest.approx([7.7])
+    assert list(clock.follow_all(np.array([5.0, 6.0]), np.array([5.0, 6.0]))) == [5.0, 6.0]
+    went_on = clock.follow_all(np.array([6.5, 0.1, 0.2]), np.array([6.5, 7.0, 7.1]))
+    assert list(went_on) == pytest.approx([6.5, 7.5, 7.6])
+    assert list(clock.follow_all(np.array([0.3]), np.array([7.2]))) == pytest.approx([7.7])
 
 
 @pytest.mark.full

@@ -17,7 +17,7 @@ from omniwheel.dialect import Message, is_autopilot
 from omniwheel.errors import DatasetError, LogError
 from omniwheel.identification.sources import iterate_messages
 from omniwheel.telemetry import Control, Heartbeat, Status, StatusText, Tracking, Wheels, decode
-from omniwheel.tlog_reader import ROBOT_COMPONENT, RobotClock, TlogReader
+from omniwheel.tlog_reader import ROBOT_COMPONENT, RobotClock, TlogReader, recorded_s
 
 Array = NDArray[np.float64]
 FULL_DUTY = 0.99
@@ -107,7 +107,7 @@ def record_of(messages: Iterable[Message]) -> TelemetryRecord:
             continue
         if told is not None:
             parts = len(clock.starts)
-            watcher.now_s = time_s = clock.follow(told.time_s)
+            watcher.now_s = time_s = clock.follow(told.time_s, recorded_s(message))
             watcher.events += clock.starts[parts:]
             if placed is not None:
                 tracking.add(time_s, placed.pose, placed.reference)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omniwheel.dialect import Message, mavlink
 from omniwheel.studio.signals import KINDS, parts_of, signals_of, values
 from omniwheel.telemetry import Control, Fix, Telemetry, Tracking, Wheels
-from omniwheel.tlog_reader import ROBOT_COMPONENT
+from omniwheel.tlog_reader import LATE_S, ROBOT_COMPONENT, SILENT_S, RobotClock
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -30,39 +30,35 @@ AS_ARRAYS: Mapping[Kind, tuple[str, ...]] = {
 """Kinds that come fast and can be decoded from arrays, and their fields that hold the number of a name: left 0."""
 SAID = ("HEARTBEAT", "STATUSTEXT", "PARAM_VALUE", "OMNI_STATUS")
 """Messages that tell of events."""
-GAP_S = 1.0
 _TYPES = {"f": "<f4", "d": "<f8", "b": "i1", "B": "u1", "h": "<i2", "H": "<u2", "i": "<i4", "I": "<u4"}
 _TYPES |= {"q": "<i8", "Q": "<u8", "c": "S1"}
 
 
 @dataclass
-class Clock:
-    """The robot's clock over a log. It begins at 0 again when the robot restarts: then the log's time goes on.
+class Clock(RobotClock):
+    """The clock of the robot with the id ``system``, the first one in the log; 0 before it is known."""
 
-    ``system`` is the id of that robot, the first one in the log; 0 before it is known.
-    """
-
-    now_s: float | None = None
-    offset_s: float = 0.0
-    restarts_s: tuple[float, ...] = ()
     system: int = 0
 
-    def follow(self, robot_s: Array) -> Array:
-        """Return times that go on, for the robot's times in the order in which they were recorded."""
+    def follow_all(self, robot_s: Array, stamp_s: Array) -> Array:
+        """Return the log's times for the robot's times, which were recorded at ``stamp_s``, in that order."""
         if not len(robot_s):
             return robot_s
-        now_s = float(robot_s[0]) + self.offset_s if self.now_s is None else self.now_s
+        if not self._goes_on(robot_s + self.offset_s, stamp_s):
+            return np.array([self.follow(*times) for times in zip(robot_s.tolist(), stamp_s.tolist(), strict=True)])
         time_s = robot_s + self.offset_s
-        newest = np.maximum.accumulate(np.concatenate(([now_s], time_s)))
-        if np.any(time_s < newest[:-1] - GAP_S):
-            for place, robot in enumerate(robot_s):
-                if robot + self.offset_s < now_s - GAP_S:
-                    self.offset_s = now_s + GAP_S - float(robot)
-                    self.restarts_s += (now_s + GAP_S,)
-                time_s[place] = robot + self.offset_s
-                now_s = max(now_s, float(time_s[place]))
-        self.now_s = max(now_s, float(np.max(time_s)))
+        newest_s = float(np.max(time_s))
+        self.newest_s = newest_s if self.newest_s is None else max(self.newest_s, newest_s)
+        self.stamp_s = float(stamp_s[-1])
         return time_s
+
+    def _goes_on(self, time_s: Array, stamp_s: Array) -> bool:
+        """Return whether neither clock jumps, so that nothing has to be looked at one by one."""
+        before = [time_s[0] if self.newest_s is None else self.newest_s]
+        newest = np.maximum.accumulate(np.concatenate((before, time_s)))
+        steps = time_s - newest[:-1]
+        stamps = np.diff(stamp_s, prepend=stamp_s[0] if self.stamp_s is None else self.stamp_s)
+        return bool(np.all(steps >= -LATE_S) and np.all(steps <= SILENT_S) and np.all(stamps <= SILENT_S))
 
 
 @dataclass
@@ -110,7 +106,7 @@ def read_piece(data: bytes, clock: Clock) -> Piece:
         message = _decoded(data, int(place), piece)
         if message is not None:
             said.append((int(place), message))
-    _set_times(piece, found, said, clock)
+    _set_times(piece, found, said, clock, content)
     return piece
 
 
@@ -234,13 +230,16 @@ def _set_times(
     found: Mapping[Kind, tuple[NDArray[np.int64], Array | None, NDArray[np.float32]]],
     said: list[tuple[int, Message]],
     clock: Clock,
+    content: Bytes,
 ) -> None:
     """Put everything on one time axis; what has no time of its own came at the time of what was before it."""
-    before_s = clock.now_s
+    before_s = clock.newest_s
     timed = [(kind, start, time_s) for kind, (start, time_s, _) in found.items() if time_s is not None]
     start = np.concatenate([start for _, start, _ in timed] or [np.zeros(0, dtype=np.int64)])
     order = np.argsort(start)
-    followed = clock.follow(np.concatenate([time_s for _, _, time_s in timed] or [np.zeros(0)])[order])
+    robot_s = np.concatenate([time_s for _, _, time_s in timed] or [np.zeros(0)])[order]
+    stamps = content[start[order, None] + np.arange(STAMP)].view(">u8")[:, 0]
+    followed = clock.follow_all(robot_s, stamps * 1e-6)
     first_s = before_s if before_s is not None else float(followed[0]) if len(followed) else 0.0
     newest = np.concatenate(([first_s], np.maximum.accumulate(followed)))
     time_s = np.empty(len(start))

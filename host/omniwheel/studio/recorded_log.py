@@ -24,7 +24,6 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import Trace, extremes, thinned
 from omniwheel.studio.signals import MOST_WHEELS, Signal, all_signals, signals_of
 from omniwheel.telemetry import Control, Tracking
-from omniwheel.tlog_reader import RESTARTED
 
 PIECE_BYTES = 1 << 20
 MOST_PIECES = 32
@@ -77,7 +76,7 @@ class RecordedLog:
         self._watcher = EventWatcher()
         self._marks = Marks()
         self._known = _parameters_beside(path)
-        self._restarts_s: tuple[float, ...] = ()
+        self._starts: tuple[tuple[float, str], ...] = ()
         self.start_s, self.end_s = 0.0, 0.0
         self.lost_bytes = self.bad_frames = 0
         try:
@@ -101,15 +100,15 @@ class RecordedLog:
             piece = self._piece_at(at, clock)
             if not piece.used:
                 break
-            if clock.now_s is not None:
+            if clock.newest_s is not None:
                 if not self._begins:
                     self.start_s = min(float(time_s[0]) for time_s, _ in piece.rows.values())
-                self._begins.append((at, began, self.start_s if began.now_s is None else began.now_s))
+                self._begins.append((at, began, self.start_s if began.newest_s is None else began.newest_s))
             self._note(piece)
             at += piece.used
             frames += piece.frames
         self.lost_bytes += size - at
-        self._restarts_s = clock.restarts_s
+        self._starts = clock.starts
         if not frames:
             raise LogError(f"{self.path.name} is no telemetry log: there is no MAVLink 2 frame in it", hint=_HINT)
         if not self._overviews:
@@ -157,7 +156,7 @@ class RecordedLog:
         changes = [{**mark.as_json(), "time_s": mark.time_s - self.start_s} for mark in self._marks.all()]
         events = [
             {"number": 0, "time_s": max(time_s - self.start_s, 0.0), "changes": {}, "text": what}
-            for time_s, what in (*self._watcher.events, *((time_s, RESTARTED) for time_s in self._restarts_s))
+            for time_s, what in (*self._watcher.events, *self._starts)
         ]
         return sorted(changes + events, key=lambda mark: float(str(mark["time_s"])))
 

@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from omniwheel.studio.signals import Signal, signals_of, values
 from omniwheel.telemetry import Telemetry
+from omniwheel.tlog_reader import RobotClock
 
 CAPACITY = 150_000
 """Samples kept per message: 12.5 minutes at 200 Hz. The oldest ones go."""
-_GAP_S = 1.0
 _BLOCK = struct.Struct("<II")
 _HEADER = struct.Struct("<HHId")
 SAMPLES_SINCE, SAMPLES_WINDOW, SAMPLES_PART = 1, 2, 3
@@ -71,7 +71,7 @@ class SampleStore:
 
     def __init__(self) -> None:
         self._rings: dict[type[Telemetry], _Ring] = {}
-        self._offset_s = 0.0
+        self._clock = RobotClock()
         self.now_s = 0.0
         """The newest sample's time."""
         self.arrived_s = 0.0
@@ -85,9 +85,7 @@ class SampleStore:
         if robot_s is None:
             time_s = self.now_s
         else:
-            if robot_s + self._offset_s < self.now_s - _GAP_S:
-                self._offset_s = self.now_s + _GAP_S - robot_s
-            time_s = robot_s + self._offset_s
+            time_s = self._clock.follow(robot_s)
             self.now_s = max(self.now_s, time_s)
         ring = self._rings.get(kind)
         if ring is None:
