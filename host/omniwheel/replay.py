@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -54,6 +54,19 @@ class Replay:
     nis_degrees: int
     accepted: int
     refused: int
+
+
+@dataclass(frozen=True)
+class DroppedCounts:
+    """What dead reckoning made of counts that are no good, and put a filtered speed in the place of.
+
+    ``share`` of the counts per wheel. How far the pose gets from that of every count as it was logged: ``moved_m`` and
+    ``turned_rad`` at most over the run.
+    """
+
+    share: tuple[float, ...]
+    moved_m: float
+    turned_rad: float
 
 
 def replay_config(robot: Robot, period_s: float) -> Any:
@@ -149,6 +162,19 @@ def replay(
         accepted=int(engine.ekf.accepted),
         refused=int(engine.ekf.refused),
     )
+
+
+def dropped_counts(
+    log: WheelLog, robot: Robot, calibration: Calibration | None = None, *, use_heading: bool = True
+) -> DroppedCounts | None:
+    """Compare dead reckoning with and without the counts that are no good. None if all are good. Raises LogError."""
+    if log.good.all():
+        return None
+    whole = replace(log, good=np.ones_like(log.good))
+    poses = [replay(each, robot, calibration, use_heading=use_heading).pose for each in (log, whole)]
+    apart = np.abs(poses[0] - poses[1])
+    share = tuple(float(value) for value in 1.0 - log.good.mean(axis=0))
+    return DroppedCounts(share, float(np.max(np.hypot(apart[:, 0], apart[:, 1]))), float(np.max(apart[:, 2])))
 
 
 def require_curve(log: WheelLog, calibration: Calibration | None) -> None:

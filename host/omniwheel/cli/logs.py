@@ -43,7 +43,7 @@ def import_command(
     """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
     from omniwheel.logs.importer import import_log
     from omniwheel.logs.log import save_log
-    from omniwheel.logs.spikes import doubt_about_counts
+    from omniwheel.logs.spikes import OUTLIER_SD, doubt_about_counts
 
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
@@ -66,6 +66,12 @@ def import_command(
         f"spikes rejected per wheel: {shares}; noise left: {noise} counts per {over}, {imported.quantum_rad_s:.3g} "
         f"rad/s each; correlation with the next count's: {tells}"
     )
+    if max(summary.outlier_share) > max(summary.rejected_share):
+        outliers = ", ".join(f"{100.0 * share:.1f} %" for share in summary.outlier_share)
+        console.print(
+            f"outliers kept, as counts add up: {outliers} (more than {OUTLIER_SD:g} robust standard deviations from "
+            "their neighbours). If the encoder misreads, reject them: threshold under \\[spikes] in the mapping"
+        )
     doubt = doubt_about_counts(imported, summary.noise_counts, summary.noise_correlation)
     if doubt:
         console.print(f"[yellow]{escape(doubt)}[/]")

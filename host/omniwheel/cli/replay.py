@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -72,7 +74,7 @@ def replay_command(
     """
     from omniwheel.log_sources import open_log
     from omniwheel.logs.alignment import align
-    from omniwheel.replay import fixes_from_truth, replay, require_curve
+    from omniwheel.replay import dropped_counts, fixes_from_truth, replay, require_curve
 
     for path, what in ((plot, "the picture"), (csv, "the table")):
         if path is not None:
@@ -100,7 +102,9 @@ def replay_command(
 
         draw_replay(run_log, run, fixed, aligned, plot)
     facts = _facts(run_log, run, fixed, aligned)
+    dropped = None if no_counts else dropped_counts(run_log, model, used, use_heading=not no_heading)
     facts |= {
+        "dropped_counts": None if dropped is None else asdict(dropped),
         "calibration": None if source is None else str(source),
         "heading_used": run_log.has_heading and not no_heading,
     }
@@ -145,6 +149,13 @@ def _print(facts: dict[str, Any]) -> None:
     x, y, theta = facts["end_pose"]
     by = "the measured heading" if facts["heading_used"] else "wheels only"
     console.print(f"dead reckoning on {by} ends at ({x:+.3f} m, {y:+.3f} m, {theta:+.3f} rad)")
+    dropped = facts["dropped_counts"]
+    if dropped is not None:
+        shares = ", ".join(f"{100.0 * share:.1f} %" for share in dropped["share"])
+        console.print(
+            f"[yellow]counts dropped as spikes per wheel: {shares}.[/] With every count as logged the path would be "
+            f"up to {dropped['moved_m']:.3f} m and {math.degrees(dropped['turned_rad']):.1f}° from this one"
+        )
     if "rms_m" not in facts:
         console.print("no truth to compare with")
         return

@@ -50,6 +50,7 @@ class ImportSummary:
 
     ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped. ``noise_correlation`` is
     that of a count's noise with the next one's: -0.5 where counts add up to an angle, 0 where each stands alone.
+    ``outlier_share`` is that of counts far from their neighbours, whether they were rejected as spikes or not.
     """
 
     rows: int
@@ -61,6 +62,7 @@ class ImportSummary:
     noise_counts: tuple[float, ...]
     noise_correlation: tuple[float, ...]
     frozen: tuple[Frozen, ...]
+    outlier_share: tuple[float, ...]
 
 
 def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
@@ -150,6 +152,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         heading_restarts_s=tuple(float(log.time_s[row]) for row in restarts),
         noise_counts=noise.counts,
         noise_correlation=noise.correlation,
+        outlier_share=noise.outlier_share,
         frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
     )
     return replace(log, good=good), summary

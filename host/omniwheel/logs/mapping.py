@@ -36,12 +36,20 @@ WHEEL_UNITS = {
 }
 
 
+SAMPLE_THRESHOLD = 4.0
+"""Robust standard deviations beyond which a count is a spike by default, where counts do not add up (``sample_s``)."""
+
+
 @dataclass(frozen=True)
 class Spikes:
-    """Hampel filter: half window [s], threshold in robust standard deviations; and the fastest wheel [rad/s]."""
+    """Hampel filter: half window [s], threshold in robust standard deviations; and the fastest wheel [rad/s].
+
+    Counts that add up to an angle are kept by default (threshold infinite). A late or uneven row puts into one count
+    what it takes from the next, so a dropped one is lost to the pose for good.
+    """
 
     window_s: float = 0.25
-    threshold: float = 4.0
+    threshold: float = math.inf
     max_rad_s: float = math.inf
 
 
@@ -169,6 +177,7 @@ def read_mapping(path: Path) -> Mapping:
     if quantity not in WHEEL_UNITS:
         raise wheels.error("quantity", f"is {quantity!r}; allowed are {', '.join(WHEEL_UNITS)}")
     period_s = log.number("period_s")
+    sample_s = _sample_s(wheels, quantity, period_s)
     duty, duty_full_scale, duty_sign = _duty(source, document.pop("duty", None), len(columns))
     heading, heading_unit, heading_sign = _heading(source, document.pop("heading", None))
     mapping = Mapping(
@@ -183,7 +192,7 @@ def read_mapping(path: Path) -> Mapping:
         wheel_unit=wheels.unit("unit", WHEEL_UNITS[quantity]),
         wheel_sign=wheels.signs("sign", len(columns)),
         counts_per_revolution=wheels.whole("counts_per_revolution"),
-        sample_s=_sample_s(wheels, quantity, period_s),
+        sample_s=sample_s,
         noise_rad_s=wheels.number("noise_rad_s", 0.0),
         duty=duty,
         duty_full_scale=duty_full_scale,
@@ -191,7 +200,7 @@ def read_mapping(path: Path) -> Mapping:
         heading=heading,
         heading_unit=heading_unit,
         heading_sign=heading_sign,
-        spikes=_spikes(source, document.pop("spikes", {})),
+        spikes=_spikes(source, document.pop("spikes", {}), sample_s),
         truth=_truth(source, document.pop("truth", None)),
     )
     for section in (log, time, wheels):
@@ -235,9 +244,9 @@ def _heading(source: str, table: object) -> tuple[str, float, int]:
     return found
 
 
-def _spikes(source: str, table: object) -> Spikes:
+def _spikes(source: str, table: object, sample_s: float) -> Spikes:
     section = _Section(source, "spikes", table)
-    usual = Spikes()
+    usual = Spikes(threshold=SAMPLE_THRESHOLD) if sample_s > 0.0 else Spikes()
     found = Spikes(
         window_s=section.number("window_s", usual.window_s),
         threshold=section.number("threshold", usual.threshold),

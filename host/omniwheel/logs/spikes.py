@@ -16,12 +16,16 @@ _ADDS_UP = 0.5
 """Size of the correlation that the noise of counts has which add up."""
 _CLEAR_COUNTS = 1.0
 """Below it a count's noise is that of rounding, and says nothing."""
+OUTLIER_SD = 4.0
+"""Robust standard deviations from the median of its window beyond which a count is an outlier."""
 _SD_PER_MAD = 1.4826  # standard deviation per median absolute deviation of a normal distribution
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Of the good counts about their median, per wheel: standard deviation [counts per row], correlation with the next.
+    """Of the counts about their median, per wheel: standard deviation [counts per row], correlation with the next.
+
+    Both leave outliers out. ``outlier_share`` is the share of the counts further than ``OUTLIER_SD`` from their median.
 
     The error of an angle that was read goes into one count and out of the next: such noise has a correlation of -0.5.
     Near 0 each count has an error of its own, as a difference over less than a row has.
@@ -29,23 +33,28 @@ class Noise:
 
     counts: tuple[float, ...]
     correlation: tuple[float, ...]
+    outlier_share: tuple[float, ...]
 
 
 def reject_spikes(log: WheelLog, spikes: Spikes) -> tuple[Mask, Noise]:
-    """Return which counts are no spikes (n, wheels), and the noise of the good ones.
+    """Return which counts are no spikes (n, wheels), and the noise of those that are no outliers.
 
     A count is a spike if it is further from the median of its window than ``threshold`` robust standard
     deviations, or faster than ``max_rad_s``. The distance is one count at least: quantisation must not be rejected.
+    An outlier of counts that add up is no spike unless ``spikes`` says so.
     """
     rate = log.counts if log.sample_s > 0.0 else log.counts_per_period
     half = max(1, round(spikes.window_s / log.period_s))
     centre = running_median(rate, half)
     spread = _SD_PER_MAD * running_median(np.abs(rate - centre), half)
     limit = spikes.max_rad_s / log.quantum_rad_s
-    good = (np.abs(rate - centre) <= spikes.threshold * np.maximum(spread, 1.0)) & (np.abs(rate) <= limit)
-    found = [_noise((rate - centre)[:, wheel], good[:, wheel]) for wheel in range(log.wheels)]
+    off, unit = np.abs(rate - centre), np.maximum(spread, 1.0)
+    good = (off <= spikes.threshold * unit) & (np.abs(rate) <= limit)
+    usual = off <= OUTLIER_SD * unit
+    found = [_noise((rate - centre)[:, wheel], (usual & good)[:, wheel]) for wheel in range(log.wheels)]
     counts, correlation = zip(*found, strict=True)
-    return good & log.good, Noise(counts, correlation)
+    shares = tuple(float(share) for share in 1.0 - usual.mean(axis=0))
+    return good & log.good, Noise(counts, correlation, shares)
 
 
 def doubt_about_counts(log: WheelLog, counts: Sequence[float], correlation: Sequence[float]) -> str:

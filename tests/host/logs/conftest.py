@@ -52,3 +52,13 @@ def real_logs() -> Path:
     if not (folder / "run1.csv").is_file():
         pytest.skip(f"no real logs in {folder}; set OMNI_REAL_LOGS")
     return folder
+
+
+@pytest.fixture(scope="session")
+def real_runs() -> Path:
+    """The folder of real runs with motion capture (see optiodom.py); skips where it is absent."""
+    given = os.environ.get("OMNI_OPTIODOM")
+    folder = Path(given) if given else ROOT.parent / "shared" / "data" / "optiodom"
+    if not (folder / "omni3").is_dir():
+        pytest.skip(f"no real runs in {folder}; set OMNI_OPTIODOM")
+    return folder

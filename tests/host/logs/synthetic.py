@@ -40,6 +40,8 @@ full_scale = 100.0
 [heading]
 column = "alpha"
 sign = -1
+[spikes]
+threshold = 4.0
 [truth]
 time = "time_s"
 x = "x_m"

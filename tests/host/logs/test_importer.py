@@ -45,7 +45,7 @@ def test_every_spike_is_rejected_and_next_to_nothing_else(runs: list[WheelLog]) 
 
 
 def test_a_speed_limit_rejects_what_no_wheel_can_do(tmp_path: Path, files: Path) -> None:
-    text = synthetic.MAPPING + "[spikes]\nthreshold = 1000.0\nmax_rad_s = 60.0\n"
+    text = synthetic.MAPPING.replace("threshold = 4.0", "threshold = 1000.0\nmax_rad_s = 60.0")
     (tmp_path / "mapping.toml").write_text(text, encoding="utf-8")
     log, _ = import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"))
     fast = np.abs(log.wheel_rad_s) > 60.0
