@@ -83,9 +83,7 @@ def test_a_mapping_may_still_reject_outliers(tmp_path: Path, uneven: WheelLog) -
 
 
 def test_counts_of_samples_are_rejected_by_default(tmp_path: Path, even: WheelLog) -> None:
-    (tmp_path / "mapping.toml").write_text(
-        UNEVEN.replace("= 264", "= 264\nsample_s = 0.001"), encoding="utf-8"
-    )
+    (tmp_path / "mapping.toml").write_text(UNEVEN.replace("= 264", "= 264\nsample_s = 0.001"), encoding="utf-8")
     assert read_mapping(tmp_path / "mapping.toml").spikes == HAMPEL
 
 
