@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Runs of two real robots beside motion capture (R. B. Sousa and others, OptiOdom, 2022), as the part for tests has them.
+"""Runs of two real robots beside motion capture (R. B. Sousa and others, OptiOdom, 2022): what tests need of them.
 
 Counts add up in all of them. Files and conventions: README.md of the data's folder.
 """
