@@ -214,7 +214,7 @@ def test_a_period_or_clock_unit_that_the_rows_contradict_is_refused(
 
 
 def test_a_log_of_which_most_is_rejected_is_refused(tmp_path: Path, files: Path) -> None:
-    text = synthetic.MAPPING + "[spikes]\nmax_rad_s = 0.5\n"
+    text = synthetic.MAPPING.replace("threshold = 4.0", "max_rad_s = 0.5")
     (tmp_path / "mapping.toml").write_text(text, encoding="utf-8")
     with pytest.raises(LogError, match=r"% of the counts in w[123] are rejected"):
         import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"))
