@@ -169,6 +169,7 @@ size_t Telemetry::next_stream(size_t link) const {
 void Telemetry::serve_link(size_t link) {
     for (size_t i = next_stream(link); i != stream_count; i = next_stream(link)) {
         if (!links_[link].admits(Priority::telemetry, longest_frame(streams[i].id))) {
+            waits_[link] = true;
             return;
         }
         Due &due = due_[link][i];
@@ -176,11 +177,13 @@ void Telemetry::serve_link(size_t link) {
         if (late_us < due.interval_us) {
             due.next_us += due.interval_us;
         } else {
-            links_[link].count_dropped(static_cast<uint32_t>(late_us / due.interval_us));
+            // Without a wait, the clock was set.
+            links_[link].count_dropped(waits_[link] ? static_cast<uint32_t>(late_us / due.interval_us) : 0);
             due.next_us = clock_.now_us + due.interval_us;
         }
         streams[i].report(sources_, links_[link], Priority::telemetry, false);
     }
+    waits_[link] = false;
 }
 
 void Telemetry::serve() {

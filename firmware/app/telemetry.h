@@ -48,6 +48,7 @@ private:
     const RobotState &robot_;
     uint8_t state_ = OMNI_STATE_INIT;
     Due due_[Board::max_ports][stream_count] = {};
+    bool waits_[Board::max_ports] = {}; ///< a stream is due for which there is no room
 };
 
 } // namespace omni
