@@ -152,9 +152,9 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
     }
     put(frame, length, priority);
     ++sequence_;
-    tokens_ -= static_cast<float>(length);
-    if (priority == Priority::bulk) {
-        bulk_tokens_ -= static_cast<float>(length);
+    if (!unlimited_) { // else the link would be silent afterwards, for as long as its budget needs for all of that
+        tokens_ -= static_cast<float>(length);
+        bulk_tokens_ -= priority == Priority::bulk ? static_cast<float>(length) : 0.0f;
     }
     return true;
 }

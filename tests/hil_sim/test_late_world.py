@@ -91,8 +91,11 @@ def test_a_robot_that_left_for_a_stop_is_in_its_world_again_after_the_release(wo
     world.go_on()
     robot.pump(2.0)
     assert world.running.link.ticks == ticks, "only a release leads on"
+    beats = []
+    robot.connection.add_listener(lambda m: beats.append(m) if m.get_type() == "HEARTBEAT" else None)
     robot.estop_clear()
     until(robot, lambda: in_loop(robot) and world.running.link.ticks > ticks + 100, "not taken back")
+    assert len(beats) < 12, "one a second: what the loop has sent is no debt of its link's budget"
     robot.arm()
     robot.drive_duty([0.2, 0.2, 0.2], 0.5)
     assert world.error is None
