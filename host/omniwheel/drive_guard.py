@@ -6,8 +6,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from omniwheel.connection import Connection
+from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import StoppedError
 from omniwheel.status import RobotStatus
+from omniwheel.telemetry import Heartbeat, Status
+from omniwheel.telemetry_parts import decode
 from omniwheel.texts import TextLog
 
 REASON_S = 0.1
@@ -21,19 +24,35 @@ _WHO = ("stopped by station ", "hub: ")
 class DriveGuard:
     """Watches one robot from its arming to its disarming by this program.
 
-    ``begun``: it was armed here and has not been disarmed here since.
+    ``begun``: it was armed here and has not been disarmed here since. What the robot said before it accepted the
+    arming is of an earlier state, however late a radio brings it.
     """
 
     def __init__(self, connection: Connection, texts: TextLog, status: Callable[[], RobotStatus]) -> None:
         self.begun = False
         self._connection, self._texts, self._status = connection, texts, status
+        self._accepted = False
+        self._armed: bool | None = None
         self._seen_armed = False
+        self._state: str | None = None
         self._asking = False
         self._mark = 0
+        connection.add_listener(self._hear)
+
+    def _hear(self, message: Message) -> None:
+        beat, status = decode(Heartbeat, message), decode(Status, message)
+        if self.begun and not self._accepted and _accepts_arming(message):
+            self._accepted, self._armed, self._seen_armed, self._state = True, None, False, None
+            self._mark = self._texts.mark()
+        elif beat is not None:
+            self._armed = beat.armed
+            self._seen_armed = self._seen_armed or beat.armed
+        elif status is not None:
+            self._state = status.state
 
     def begin(self) -> None:
-        """Take note that this program arms the robot."""
-        self.begun, self._seen_armed, self._mark = True, False, self._texts.mark()
+        """Take note that this program asks the robot to arm."""
+        self.begun, self._accepted, self._mark = True, False, self._texts.mark()
 
     def end(self) -> None:
         """Take note that this program disarms or stops the robot."""
@@ -44,12 +63,10 @@ class DriveGuard:
 
         Until its heartbeat says that it is armed, a robot that is disarmed counts as one that is about to arm.
         """
-        if not self.begun or self._asking:
+        if not self.begun or not self._accepted or self._asking:
             return
-        status = self._status()
-        stopped = status.state in ("failsafe", "estop")
-        self._seen_armed = self._seen_armed or status.armed
-        if stopped or (self._seen_armed and not status.armed):
+        stopped = self._state in ("failsafe", "estop")
+        if stopped or (self._seen_armed and self._armed is False):
             self._await_reason()
             who = [text.text for text in self._texts.since(self._mark) if text.text.startswith(_WHO)]
             raise self._stopped_itself() if stopped and not who else self._stopped_by_another(who)
@@ -66,15 +83,22 @@ class DriveGuard:
             self._asking = False
 
     def _stopped_itself(self) -> StoppedError:
-        status = self._status()
-        safety = status.safety
+        safety = self._status().safety
         faults = ", ".join(safety.fault_history or safety.faults) if safety is not None else ""
         hint = "`omni monitor` shows the faults; disarming clears the failsafe"
-        return StoppedError(f"the robot stopped by itself ({status.state}): {faults or 'no fault named'}", hint=hint)
+        return StoppedError(f"the robot stopped by itself ({self._state}): {faults or 'no fault named'}", hint=hint)
 
     def _stopped_by_another(self, who: list[str]) -> StoppedError:
-        stop = "an emergency stop is on" if self._status().state == "estop" else "it is disarmed"
+        stop = "an emergency stop is on" if self._state == "estop" else "it is disarmed"
         return StoppedError(
             f"another station or program stopped the robot ({who[-1] if who else 'it is not said which'}): {stop}",
             hint="nothing arms it again by itself",
         )
+
+
+def _accepts_arming(message: Message) -> bool:
+    return (
+        message.get_type() == "COMMAND_ACK"
+        and message.command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        and message.result == mavlink.MAV_RESULT_ACCEPTED
+    )

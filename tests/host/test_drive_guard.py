@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omniwheel import Robot
+from omniwheel import Robot, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import OmniError, StoppedError
 from omniwheel.identification.live import excite
 from omniwheel.tuning import Experiment
 from tests.host import stepped
+from tests.host.conftest import FakeRobot
 
 AFTER_S = 0.5
 LONG_S = 30.0
@@ -84,6 +85,23 @@ def test_set_points_may_be_sent_before_arming(robot: Robot) -> None:
     robot.arm()
     robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), 1.0)
     assert robot.status.armed
+
+
+def status_of(state: int) -> Any:
+    return mavlink.MAVLink_omni_status_message(0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, state, 0)
+
+
+def test_what_the_robot_said_before_it_was_armed_is_no_stop(fake: FakeRobot) -> None:
+    """A radio brings the state every five seconds: what is known then is the failsafe from before."""
+    with connect(fake, clock=fake.clock) as robot:
+        fake.send(status_of(3))
+        robot.pump(0.1)
+        assert robot.status.state == "failsafe"
+        robot.arm()
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 1.0)
+        fake.send(status_of(3))
+        with pytest.raises(StoppedError):
+            robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 1.0)
 
 
 def test_a_new_arming_begins_a_new_drive(robot: Robot) -> None:
