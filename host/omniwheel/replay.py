@@ -165,14 +165,13 @@ def replay(
 
 
 def dropped_counts(
-    log: WheelLog, robot: Robot, calibration: Calibration | None = None, *, use_heading: bool = True
+    log: WheelLog, run: Replay, robot: Robot, calibration: Calibration | None = None, *, use_heading: bool = True
 ) -> DroppedCounts | None:
-    """Compare dead reckoning with and without the counts that are no good. None if all are good. Raises LogError."""
+    """Compare the replay ``run`` of a log with one that uses every count. None if all are good. Raises LogError."""
     if log.good.all():
         return None
     whole = replace(log, good=np.ones_like(log.good))
-    poses = [replay(each, robot, calibration, use_heading=use_heading).pose for each in (log, whole)]
-    apart = np.abs(poses[0] - poses[1])
+    apart = np.abs(run.pose - replay(whole, robot, calibration, use_heading=use_heading).pose)
     share = tuple(float(value) for value in 1.0 - log.good.mean(axis=0))
     return DroppedCounts(share, float(np.max(np.hypot(apart[:, 0], apart[:, 1]))), float(np.max(apart[:, 2])))
 

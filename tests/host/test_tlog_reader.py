@@ -21,9 +21,10 @@ from omniwheel.identification.sources import read_dataset
 from omniwheel.log_sources import open_log, read_tlog
 from omniwheel.replay import replay
 from omniwheel.robots import read_robot
+from omniwheel.studio.log_frames import record_starts
 from omniwheel.studio.recorded_log import RecordedLog
 from omniwheel.studio.spectra import TooFewSamplesError, spectrum
-from omniwheel.tlog_reader import RobotClock, TlogReader
+from omniwheel.tlog_reader import STAMP, RobotClock, TlogReader
 
 ROBOT = read_robot("three_wheel")
 DRIVE = 120
@@ -60,18 +61,11 @@ def drive(start_ms: int = 3000, begin_m: float = 0.0, theta: float = 0.0, system
 
 def later(records: bytes, seconds: float) -> bytes:
     """The same records, recorded later by the recorder's clock."""
-    return b"".join(
-        (int.from_bytes(record[:8], "big") + round(1e6 * seconds)).to_bytes(8, "big") + record[8:]
-        for record in (records[begin:end] for begin, end in record_places(records))
-    )
-
-
-def record_places(records: bytes) -> list[tuple[int, int]]:
-    ends, at = [], 0
-    while at < len(records):
-        ends.append((at, at + 8 + 12 + records[at + 9]))
-        at = ends[-1][1]
-    return ends
+    moved = bytearray(records)
+    for at in record_starts(records)[0]:
+        stamp_us = int.from_bytes(records[at : at + STAMP], "big") + round(1e6 * seconds)
+        moved[at : at + STAMP] = stamp_us.to_bytes(STAMP, "big")
+    return bytes(moved)
 
 
 def log(folder: Path, *parts: bytes) -> Path:

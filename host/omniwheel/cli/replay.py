@@ -102,7 +102,7 @@ def replay_command(
 
         draw_replay(run_log, run, fixed, aligned, plot)
     facts = _facts(run_log, run, fixed, aligned)
-    dropped = None if no_counts else dropped_counts(run_log, model, used, use_heading=not no_heading)
+    dropped = None if no_counts else dropped_counts(run_log, run, model, used, use_heading=not no_heading)
     facts |= {
         "dropped_counts": None if dropped is None else asdict(dropped),
         "calibration": None if source is None else str(source),

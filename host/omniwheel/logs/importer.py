@@ -142,7 +142,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         noise_rad_s=mapping.noise_rad_s,
     )
     good, noise = reject_spikes(log, mapping.spikes)
-    _require_good(path, good, mapping)
+    _require_few_spikes(path, good, mapping)
     summary = ImportSummary(
         rows=len(log.time_s),
         dropped_rows=int(np.sum(~keep)),
@@ -168,7 +168,7 @@ def _require_period(path: Path, step_s: Array, mapping: Mapping) -> None:
         )
 
 
-def _require_good(path: Path, good: Mask, mapping: Mapping) -> None:
+def _require_few_spikes(path: Path, good: Mask, mapping: Mapping) -> None:
     rejected = 1.0 - good.mean(axis=0)
     worst = int(np.argmax(rejected))
     if rejected[worst] > MOST_REJECTED:

@@ -44,7 +44,7 @@ class Clock(RobotClock):
         """Return the log's times for the robot's times, which were recorded at ``stamp_s``, in that order."""
         if not len(robot_s):
             return robot_s
-        if not self._goes_on(robot_s + self.offset_s, stamp_s):
+        if not self._is_continuous(robot_s + self.offset_s, stamp_s):
             return np.array([self.follow(*times) for times in zip(robot_s.tolist(), stamp_s.tolist(), strict=True)])
         time_s = robot_s + self.offset_s
         newest_s = float(np.max(time_s))
@@ -52,8 +52,8 @@ class Clock(RobotClock):
         self.stamp_s = float(stamp_s[-1])
         return time_s
 
-    def _goes_on(self, time_s: Array, stamp_s: Array) -> bool:
-        """Return whether neither clock jumps, so that nothing has to be looked at one by one."""
+    def _is_continuous(self, time_s: Array, stamp_s: Array) -> bool:
+        """Return whether neither clock jumps: then one offset fits all of these times."""
         before = [time_s[0] if self.newest_s is None else self.newest_s]
         newest = np.maximum.accumulate(np.concatenate((before, time_s)))
         steps = time_s - newest[:-1]

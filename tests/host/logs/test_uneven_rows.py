@@ -99,11 +99,12 @@ def test_uneven_rows_do_not_bend_the_path(even: WheelLog, uneven: WheelLog, robo
 def test_replay_tells_how_far_dropped_counts_bend_the_path(
     tmp_path: Path, uneven: WheelLog, robot: Robot, files: Path
 ) -> None:
-    assert dropped_counts(uneven, robot, use_heading=False) is None
+    assert dropped_counts(uneven, replay(uneven, robot, use_heading=False), robot, use_heading=False) is None
     good = reject_spikes(uneven, HAMPEL)[0]
     log = replace(uneven, good=good)
-    whole, bent = (replay(each, robot, use_heading=False).pose for each in (uneven, log))
-    told = dropped_counts(log, robot, use_heading=False)
+    run = replay(log, robot, use_heading=False)
+    whole, bent = replay(uneven, robot, use_heading=False).pose, run.pose
+    told = dropped_counts(log, run, robot, use_heading=False)
     assert told is not None
     assert told.share == pytest.approx(1.0 - good.mean(axis=0))
     assert told.turned_rad == pytest.approx(np.abs(whole - bent)[:, 2].max())
