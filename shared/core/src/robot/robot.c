@@ -24,6 +24,9 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
 
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config) {
     robot->config = config;
+    for (int i = config->kinematics.wheels; i < OMNI_MAX_WHEELS; ++i) { /* a wheel that is not there has no current */
+        omni_motor_kf_reset(&robot->estimator.motor_kf[i], &config->motor_kf);
+    }
     if (!config->current.watched) { /* what was known of the currents gets old from now on */
         memset(&robot->supervisor.current, 0, sizeof robot->supervisor.current);
         robot->applied.current_cut = 0.0f;
@@ -123,9 +126,10 @@ static void report_flow(const omni_flow_state_t *flow, omni_outputs_t *outputs) 
 
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
                             const omni_estimate_t *estimate, omni_outputs_t *outputs) {
-    memset(outputs->current_A, 0, sizeof outputs->current_A);
-    if (config->motor_kf.mode != OMNI_KF_MODE_OFF) {
-        for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
+    if (config->motor_kf.mode == OMNI_KF_MODE_OFF) {
+        memset(outputs->current_A, 0, sizeof outputs->current_A);
+    } else {
+        for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
             outputs->current_A[i] = estimator->motor_kf[i].x[2];
         }
     }
@@ -197,7 +201,6 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     const omni_robot_config_t *config = robot->config;
     omni_target_t target;
     omni_actuation_t actuation;
-    omni_real_t margin[OMNI_AXES];
     target.armed = robot->supervisor.state == OMNI_STATE_ARMED;
     omni_robot_reference(&robot->guide, config, inputs, estimate, kind, &target);
     target.exciter = robot->exciter.left == 0 ? NULL : omni_robot_excite(&robot->exciter, config, inputs, &target);
@@ -210,12 +213,12 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
                                       &robot->applied, &actuation);
         }
     }
-    faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target, margin);
+    faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target);
     faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
     robot->supervisor.faults = faults;
     report_estimate(&robot->estimator, config, estimate, outputs);
     report_control(robot, &target, &actuation, outputs);
-    memcpy(outputs->ismc_margin, margin, sizeof outputs->ismc_margin);
+    memcpy(outputs->ismc_margin, robot->margin.margin, sizeof outputs->ismc_margin);
     memset(outputs->motor_heat, 0, sizeof outputs->motor_heat);
     outputs->current_cut = 0.0f;
     if (config->current.watched) {

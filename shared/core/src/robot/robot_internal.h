@@ -13,7 +13,7 @@
  *   excite       inputs, target                               the target's pose, what `control` adds (if anything)
  *   control      inputs, estimate, target                     omni_actuation_t
  *   limit        the motors' speeds, omni_actuation_t         omni_actuation_t, if LIM_I is set
- *   gain margin  estimate, target                             margins, a warning
+ *   gain margin  estimate, target                             margins that it keeps, a warning
  *   report       all of these                                 omni_outputs_t
  */
 #ifndef OMNI_ROBOT_INTERNAL_H
@@ -128,12 +128,12 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
  * Do the controller's gains cover the slip error that may be there? The integral sliding mode has such a condition
  * (44).
  * It is looked at in every eighth tick; the last answer stands in between.
- * @param margin out, per axis; 0 unless a controller that has one is tracking.
+ * @param state out: its `margin`, per axis; 0 unless a controller that has one is tracking.
  * @return OMNI_WARN_ISMC_GAIN, or 0.
  */
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
                                    const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
-                                   const omni_target_t *target, omni_real_t *margin);
+                                   const omni_target_t *target);
 
 /**
  * The motors' currents and their heat; called only if config->current.watched. @param last what the last tick did.

@@ -82,7 +82,7 @@ static void look_again(omni_gain_margin_t *state, const omni_robot_config_t *con
 
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
                                    const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
-                                   const omni_target_t *target, omni_real_t *margin) {
+                                   const omni_target_t *target) {
     if (!target->position_loop || omni_controllers[config->controller]->margin == NULL) {
         memset(state, 0, sizeof *state);
     } else {
@@ -91,6 +91,5 @@ omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_c
         }
         state->ticks = (uint8_t)((state->ticks + 1) % look_ticks);
     }
-    memcpy(margin, state->margin, sizeof state->margin);
     return omni_select(state->uncovered, (uint32_t)OMNI_WARN_ISMC_GAIN, 0u);
 }
