@@ -148,6 +148,10 @@ class FakeRobot:
             self._c.robot_tick(self._robot)
             self.background()
 
+    def counts_jump(self, counts: int) -> None:
+        """Let every encoder tell as many counts at once."""
+        self._c.robot_counts_jump(self._robot, counts)
+
     def pass_once(self) -> None:
         """Let the background run once, whatever is left to be read."""
         self._c.robot_pass(self._robot)

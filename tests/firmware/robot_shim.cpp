@@ -15,8 +15,6 @@
 namespace {
 
 constexpr size_t all_ports = omni::Board::max_ports;
-/// Counts per tick of a wheel at full duty.
-constexpr int64_t full_speed = 20;
 
 struct TestClock final : omni::Clock {
     uint64_t us = 0;
@@ -231,6 +229,15 @@ static int drive_of(const omni_real_t *values, const fuzz::Chip &chip, size_t wh
     return static_cast<int>(chip.high_steps(in1)) - static_cast<int>(chip.high_steps(in2));
 }
 
+/// 1/4096 counts per tick of a wheel at full duty, by the robot's own motor parameters. Quicker ones would be too fast
+/// for what they are asked for, and the robot would stop.
+static omni_real_t full_speed(const omni_real_t *values) {
+    const omni_real_t constant = values[OMNI_PARAM_MOT_K];
+    const omni_real_t friction = values[OMNI_PARAM_MOT_R] * values[OMNI_PARAM_MOT_B];
+    const omni_real_t rad_s = values[OMNI_PARAM_BAT_V_NOM] * constant / (friction + constant * constant);
+    return 4096.0f * rad_s * values[OMNI_PARAM_ENC_CPR] / 6.2831853f * static_cast<omni_real_t>(OMNI_TICK_US) * 1e-6f;
+}
+
 bool TestRobot::driven(const fuzz::Chip &chip, bool enabled) const {
     bool any = false;
     for (size_t i = 0; i < static_cast<size_t>(board.robot_values[OMNI_PARAM_WHEELS]); ++i) {
@@ -240,8 +247,10 @@ bool TestRobot::driven(const fuzz::Chip &chip, bool enabled) const {
 }
 
 void TestRobot::turn(const fuzz::Chip &chip, bool enabled) {
+    const omni_real_t full = full_speed(board.robot_values);
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        wheels.turned[i] += enabled ? full_speed * drive_of(board.robot_values, chip, i) : 0;
+        const omni_real_t duty = static_cast<omni_real_t>(drive_of(board.robot_values, chip, i)) / 4096.0f;
+        wheels.turned[i] += enabled ? static_cast<int64_t>(full * duty) : 0;
     }
 }
 
@@ -395,6 +404,13 @@ uint32_t robot_bus_busy(TestRobot *robot, uint32_t polls, uint32_t refusals) {
     robot->bus.busy_polls = polls;
     robot->bus.refusals = refusals;
     return std::exchange(robot->bus.recoveries, 0u);
+}
+
+/// Every encoder tells as many counts at once, as one that is disturbed does.
+void robot_counts_jump(TestRobot *robot, int32_t counts) {
+    for (int64_t &turned : robot->wheels.turned) {
+        turned += int64_t{counts} * 4096;
+    }
 }
 
 /// What the board says of the crash before the next reset: two lines.
