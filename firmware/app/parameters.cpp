@@ -54,7 +54,7 @@ bool Parameters::fits(const omni_real_t *values, int32_t *bad_index) {
 
 /// Values that are each in range need not fit together. Leave out those that are blamed. If the blame falls on the
 /// robot's own values or on none, add the stored ones one after another, as far as they fit.
-void Parameters::leave_out_what_clashes(omni_real_t *values) {
+OMNI_COLD void Parameters::leave_out_what_clashes(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
@@ -98,7 +98,7 @@ StoreResult Parameters::adopt_stored() {
     return StoreResult::ok;
 }
 
-void Parameters::boot() {
+OMNI_COLD void Parameters::boot() {
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     boot_damaged_ = store_.damaged_slot();

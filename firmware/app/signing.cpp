@@ -56,7 +56,7 @@ Signing::Signing(Storage &storage)
     : key_store_(storage, at_tail(storage, 0), key_content),
       time_store_(storage, at_tail(storage, key_slots), time_content) {}
 
-void Signing::boot() {
+OMNI_COLD void Signing::boot() {
     uint8_t record[key_content] = {};
     const RecordStore::Result found = key_store_.load(record);
     if (found == RecordStore::Result::damaged) {
