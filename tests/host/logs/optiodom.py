@@ -107,3 +107,10 @@ def plain_sum(run: Run, robot: Robot, start: Array | None = None) -> Array:
     x = np.cumsum(np.cos(middle) * body[:, 0] - np.sin(middle) * body[:, 1])
     y = np.cumsum(np.sin(middle) * body[:, 0] + np.cos(middle) * body[:, 1])
     return np.column_stack((begin[0] + x, begin[1] + y, theta))
+
+
+def from_its_start(pose: Array) -> Array:
+    """Poses (n, 3) seen from the first of them."""
+    off = pose - pose[0]
+    c, s = np.cos(pose[0, 2]), np.sin(pose[0, 2])
+    return np.column_stack((c * off[:, 0] + s * off[:, 1], c * off[:, 1] - s * off[:, 0], off[:, 2]))

@@ -68,6 +68,12 @@
  * OMNI_EKF_ALONE_US. A slot of the history in which neither wheels nor gyro have moved the robot brings none of it
  * then.
  *
+ * Four wheels roll against each other: n^T r phi' is 0 for a rigid body on wheels that are as told. It then measures the
+ * slip ratios, n^T r phi' = n^T v_s, while fixes come. Real wheels have a mismatch of some percent there, from radii,
+ * rollers and a frame that is not flat, and it lasts. Pushing against each other, they creep along n, which moves no
+ * body (B+ n = 0). A ratio per wheel that explains the mismatch does move it. So without fixes, which would correct it,
+ * n says nothing, and dead reckoning is the plain sum of the counts.
+ *
  * Slip ratios change, and each has a mean over a long way: what the floor does, and what a wheel's radius is off. The
  * mean m_i follows s_i while fixes, or a sensor of motion over the floor, show it. Without them for OMNI_EKF_ALONE_US,
  * s_i returns to m_i. In a history slot the wheel rolls by l. L is the way seen so far, at most 10 m, and L_0 is 1 m:
@@ -256,8 +262,8 @@ void omni_pose_ekf_set_pose(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 /**
  * One tick of motion. @param wheel_delta_rad angle each wheel turned since the last tick, OMNI_MAX_WHEELS entries; a
  * tick with a value that isn't finite counts as no motion. @param time_us robot clock; a longer step brings
- * proportionally more noise. With four wheels and mode slip, n^T r phi' = n^T v_s corrects the slip ratios once per
- * history slot.
+ * proportionally more noise. With four wheels and mode slip, while fixes come, n^T r phi' = n^T v_s corrects the slip
+ * ratios once per history slot.
  */
 void omni_pose_ekf_predict(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                            const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad, uint64_t time_us);

@@ -62,6 +62,11 @@ static inline bool omni_ekf_is_alone(uint64_t told_us, uint64_t now_us) {
     return now_us > told_us && now_us - told_us > OMNI_EKF_ALONE_US;
 }
 
+/** Fixes are used: one at least, and the wheels are not on their own. */
+static inline bool omni_ekf_has_fixes(const omni_pose_ekf_state_t *state) {
+    return state->last_fix_us != 0 && !omni_ekf_is_alone(state->told_us, state->time_us);
+}
+
 /** The slot being filled is complete: means of the slip ratios learn, or the ratios return to them. */
 void omni_ekf_follow_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t slips);
 

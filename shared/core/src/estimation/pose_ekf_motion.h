@@ -288,6 +288,8 @@ static inline __attribute__((always_inline)) void settle_columns(omni_pose_ekf_s
  * Four wheels: n^T (r phi) = n^T (s r phi) over the slot is a scalar measurement of the slip ratios. Its sensitivity
  * takes the wheels' motion without its null component. The counts' rounding there is in the innovation already. If it
  * were in the gain too, the product would not average out, and all ratios would creep towards 1.
+ *
+ * Only while fixes come: see omni/pose_ekf.h.
  */
 static inline void use_null(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                             const omni_kinematics_t *k, uint8_t slips, uint8_t columns) {
@@ -377,7 +379,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     if (omni_ekf_history_add(state, &motion, has_gyro)) {
         end_noise(state, config);
         omni_ekf_settle(state, config, k, slips, columns);
-        if (slips > 0 && k->has_null && config->r_null > 0.0f) {
+        if (slips > 0 && k->has_null && config->r_null > 0.0f && omni_ekf_has_fixes(state)) {
             use_null(state, config, k, slips, columns);
         }
         if (has_gyro) {
