@@ -147,7 +147,7 @@ def test_it_ends_in_the_tick_of_a_stop_and_stays_ended(place: int, kind: int, en
     if end in (disarm, estop, fault):
         assert not any(bench.outputs.duty)
     bench.tick(lib.OMNI_EVENT_DISARM)
-    bench.tick(lib.OMNI_EVENT_ESTOP_CLEAR)
+    bench.tick(lib.OMNI_EVENT_ESTOP_CLEAR, count=300)  # its wheels come to rest
     bench.arm()
     set_kind(bench, kind)
     bench.tick(count=10)

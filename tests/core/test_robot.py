@@ -163,7 +163,7 @@ def test_silent_set_points_stop_the_motors_on_time() -> None:
     assert out.fault_history & lib.OMNI_FAULT_COMMAND_LOSS
     bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.05, 0, 0))
     assert silent(bench.tick(lib.OMNI_EVENT_ARM)), "only disarming leads out of a failsafe"
-    bench.tick(lib.OMNI_EVENT_DISARM)
+    bench.tick(lib.OMNI_EVENT_DISARM, count=200)  # its wheels come to rest
     assert bench.tick(lib.OMNI_EVENT_ARM).state == lib.OMNI_STATE_ARMED
 
 
@@ -285,6 +285,21 @@ def test_an_encoder_reported_dead_stops_the_motors() -> None:
     assert out.state == lib.OMNI_STATE_ARMED
     assert bench.tick().state == lib.OMNI_STATE_FAILSAFE
     assert bench.outputs.faults & lib.OMNI_FAULT_ENCODER
+
+
+@pytest.mark.parametrize("mode", [lib.OMNI_KF_MODE_OFF, lib.OMNI_KF_MODE_SPEED, lib.OMNI_KF_MODE_ANGLE])
+def test_a_wheel_whose_encoder_is_dead_is_not_said_to_stand(mode: int) -> None:
+    bench = Bench(KF_MODE=mode)
+    bench.arm()
+    for _ in range(500):
+        bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.0, 0.0, 0.4))
+        bench.tick()
+    speed = bench.speed[1]
+    bench.inputs.counts_valid = 0b101
+    assert bench.tick(count=3).state == lib.OMNI_STATE_FAILSAFE
+    assert bench.outputs.stop.wheel == 2
+    assert abs(speed) > 1.0
+    assert bench.outputs.stop.wheel_rad_s == pytest.approx(speed, rel=0.2)
 
 
 @pytest.mark.parametrize("step_us", [0, -1000, 10_001, 5_000_000])
@@ -459,7 +474,8 @@ def test_nothing_that_comes_in_breaks_the_promise_of_what_goes_out(data: st.Data
     clean.inputs.battery_V = 12.0
     lib.omni_robot_set_config(clean.robot, clean.config)
     clean.tick(lib.OMNI_EVENT_ESTOP_CLEAR | lib.OMNI_EVENT_DISARM)
-    clean.tick(lib.OMNI_EVENT_DISARM | lib.OMNI_EVENT_SET_POSE, count=20)  # a fix may have been beyond LIM_POS
+    # A fix may have been beyond LIM_POS. And the wheels come to rest.
+    clean.tick(lib.OMNI_EVENT_DISARM | lib.OMNI_EVENT_SET_POSE, count=300)
     assert clean.tick(lib.OMNI_EVENT_ARM).state == lib.OMNI_STATE_ARMED, "whatever happened, the robot recovers"
 
 

@@ -137,5 +137,5 @@ def test_a_track_that_was_lost_is_forgotten_with_the_stop() -> None:
     assert bench.outputs.state == lib.OMNI_STATE_FAILSAFE
     assert bench.outputs.fault_history & lib.OMNI_FAULT_TRACKING
     bench.command(lib.OMNI_SETPOINT_NONE)
-    bench.tick(lib.OMNI_EVENT_DISARM, count=2)
+    bench.tick(lib.OMNI_EVENT_DISARM, count=300)  # its wheels come to rest
     bench.arm()

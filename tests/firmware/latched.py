@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from tests.firmware.client import mav
-from tests.firmware.fake_robot import ARM, DISARM, DISARMED, ESTOP, RELEASE, USB, FakeRobot, duty, velocity
+from tests.firmware.fake_robot import ARM, DISARM, DISARMED, ESTOP, HEARTBEAT, RELEASE, USB, FakeRobot, duty, velocity
 
 ACCEPTED, DENIED = mav.MAV_RESULT_ACCEPTED, mav.MAV_RESULT_DENIED
 
@@ -18,6 +18,9 @@ def check_only_a_release_leads_out(robot: FakeRobot, link: int = USB) -> None:
     robot.tick(5)
     assert robot.state() == ESTOP
     assert not robot.driven()
+    for _ in range(3):  # until its wheels have come to rest
+        robot.send(USB, HEARTBEAT)
+        robot.tick(100)
     assert robot.ask(USB, RELEASE) == ACCEPTED
     robot.tick(5)
     assert robot.state() == DISARMED

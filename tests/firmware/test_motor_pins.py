@@ -87,6 +87,8 @@ def test_another_driver_leaves_nothing_on_behind_it(robot: Client, before: int, 
     assert robot.set("MOT_DRIVER", after) == before, "not while armed"
     robot.command(ARM, 0)
     robot.tick()
+    robot.heartbeat()
+    robot.ticks(250)  # its wheels come to rest
     wired(robot, after)
     ticks = robot.ticks(3)
     assert {tuple(pins(tick)) for tick in ticks} == {tuple(LOW)}

@@ -123,5 +123,6 @@ def test_a_supply_voltage_that_is_no_number_stops_the_robot_until_it_is_one_agai
     assert "failsafe: not finite" in texts
     assert robot.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
     assert robot.tick().actuators.state == DISARMED
+    robot.ticks(250)  # its wheels come to rest
     robot.armed()
     check(keep_turning(robot, 300)[-1:], 1e-4)

@@ -92,6 +92,21 @@ def test_geometry_is_locked_while_armed_and_gains_are_not(robot: Client) -> None
     assert robot.set("ISMC_LAM_XY", 7.0) == 7.0
 
 
+MODEL = ("MOT_J", "MOT_B", "MOT_K", "MOT_R", "MOT_L", "BAT_V_NOM", "MASS", "INERTIA", "LIM_A")
+"""The model that feeds forward, and the ramp that brakes."""
+
+
+@pytest.mark.parametrize("name", MODEL)
+def test_the_model_and_the_ramp_stay_as_they_are_until_the_robot_is_disarmed(robot: Client, name: str) -> None:
+    before = robot.armed().get(name)
+    robot.texts()
+    assert robot.set(name, 0.5 * before) == before
+    assert any(name in text and "disarm first" in text for text in robot.texts())
+    robot.command(mav.MAV_CMD_COMPONENT_ARM_DISARM, 0)
+    robot.ticks(5)
+    assert robot.set(name, 0.5 * before) == pytest.approx(0.5 * before)
+
+
 def test_storing_while_armed_is_refused(robot: Client) -> None:
     assert robot.armed().command(STORAGE, SAVE) == mav.MAV_RESULT_DENIED
 

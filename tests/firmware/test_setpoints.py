@@ -11,7 +11,7 @@ import pytest
 
 from omniwheel.robots import parameter_table, read_robot
 from tests.firmware.client import mav
-from tests.firmware.fake_robot import HEARTBEAT, RADIO, USB, FakeRobot, command, duty, frame
+from tests.firmware.fake_robot import DISARM, HEARTBEAT, RADIO, USB, FakeRobot, command, duty, frame
 
 WORLD, BODY_NED, BODY_FRD = mav.MAV_FRAME_LOCAL_NED, mav.MAV_FRAME_BODY_NED, mav.MAV_FRAME_BODY_FRD
 NO_POSITION, NO_VELOCITY, NO_YAW, NO_YAW_RATE = 0x003, 0x018, 0x400, 0x800
@@ -145,9 +145,9 @@ def test_sticks_are_shares_of_the_limits(
 
 
 def own_values(name: str) -> dict[str, float]:
-    """Return the values of a robot that differ from the simulated one's, as far as an armed robot takes them."""
+    """Return the limits, motors, encoders and wheels of a robot, as far as they differ from the simulated one's."""
     values, base = read_robot(name).parameter_values(), read_robot("three_wheel").parameter_values()
-    kinds = ("LIM_", "MOT_", "BAT_V_NOM", "WHEEL_")
+    kinds = ("LIM_", "MOT_", "BAT_V_NOM", "WHEEL_", "ENC_CPR")
     return {key: value for key, value in values.items() if key.startswith(kinds) and value != base[key]}
 
 
@@ -159,8 +159,11 @@ LIMITS = {name: own_values(name) for name in ("three_wheel", "fast_three_wheel")
 def test_full_stick_is_what_the_robot_reaches_and_half_stick_is_half(
     robot: FakeRobot, limits: dict[str, float], axes: tuple[int, int, int]
 ) -> None:
+    robot.send(USB, DISARM)
+    robot.tick(5)
     for name, value in limits.items():
         change(robot, name, value)
+    robot.armed()
     speeds = []
     for stick in (500, 1000):
         x, y, r = (axis * stick for axis in axes)

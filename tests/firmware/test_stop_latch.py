@@ -348,6 +348,7 @@ def test_who_stops_and_releases_all_day_does_not_wear_the_memory(robot: FakeRobo
 
 def test_arming_soon_after_a_release_writes_when_it_is_disarmed_again(robot: FakeRobot) -> None:
     stopped(robot)
+    robot.tick(250)  # its wheels come to rest
     robot.ask(USB, RELEASE)
     robot.tick(10)
     assert robot.ask(USB, ARM) == ACCEPTED

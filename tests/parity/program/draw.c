@@ -113,6 +113,11 @@ void draw_parameters(random_t *random, uint32_t number, draw_style_t style, omni
     if (random_chance(random, 200000)) { /* a fence that the robot meets */
         values[OMNI_PARAM_LIM_POS] = random_between(random, 0.1f, 0.5f);
     }
+    if (number % 8 == 5) { /* wheels that turn faster than they are asked to, and nothing holds them back */
+        values[OMNI_PARAM_WS_P] = 0.0f;
+        values[OMNI_PARAM_WS_I] = 0.0f;
+        values[OMNI_PARAM_WS_FF] = 1.5f;
+    }
     values[OMNI_PARAM_EKF_GATE_N] = whole_between(random, 1.0f, 30.0f);
     values[OMNI_PARAM_SAFE_LINK_TO] = random_between(random, 0.2f, 1.0f);
     values[OMNI_PARAM_SAFE_CMD_TO] = random_between(random, 0.05f, 0.5f);

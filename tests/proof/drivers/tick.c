@@ -47,6 +47,8 @@ static void make_state(void) {
     robot.applied.saturated = any_bool();
     robot.margin.uncovered = any_bool();
     robot.applied.off_track = any_bool();
+    robot.supervisor.speeds.fault = any_bool() ? (uint32_t)OMNI_FAULT_OVERSPEED : 0u;
+    robot.supervisor.speeds.armed = any_bool();
     robot.exciter.begun = any_bool();
     robot.supervisor.current.hot = any_bool();
     omni_gyro_state_t *gyro = &robot.estimator.gyro;

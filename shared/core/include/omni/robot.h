@@ -30,6 +30,8 @@
 enum {
     OMNI_TICK_US = 1000,       /**< nominal tick period */
     OMNI_TICK_JUMP_US = 10000, /**< a step longer than this raises OMNI_FAULT_TIME */
+    OMNI_SPEED_LOOKS = 4,      /**< that a wheel must stay too fast: half a second */
+    OMNI_SPEED_TICKS = 128,    /**< from one look at the wheels' speeds to the next */
     OMNI_ENCODER_TICKS = 3,    /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
     OMNI_BATTERY_TICKS = 50    /**< low readings in a row that raise OMNI_FAULT_BATTERY */
 };
@@ -141,10 +143,9 @@ typedef enum omni_velocity_limit_t {
 
 /** What the robot saw when a stop fault stopped it. All zero until one does; kept until the next arming. */
 typedef struct omni_stop_t {
-    uint8_t
-        wheel; /**< a wheel that has stalled or whose encoder has failed, from 1; 0: the fault is not about a wheel */
+    uint8_t wheel;           /**< that stalled, was too fast or blind, from 1; 0: the fault is not about a wheel */
     omni_real_t voltage_V;   /**< that this wheel was given */
-    omni_real_t wheel_rad_s; /**< at which it turned, by its encoder in that tick */
+    omni_real_t wheel_rad_s; /**< at which it turned: by its encoder in that tick, by the filter while it is blind */
     omni_real_t supply_V;
     omni_real_t current_A;        /**< that this wheel's motor had, estimated; 0 while LIM_I and SAFE_I are 0 */
     omni_real_t error[OMNI_AXES]; /**< of the pose, world frame [m, m, rad]; 0 unless a pose was tracked */
@@ -252,6 +253,17 @@ typedef struct omni_stall_watch_t {
     omni_real_t last_V;    /**< its voltage in the last tick; 0 while it is below `stall_V` */
 } omni_stall_watch_t;
 
+/** Whether the wheels turn faster than they are asked to. Looked at in every OMNI_SPEED_TICKS-th tick. */
+typedef struct omni_speed_watch_t {
+    omni_int_t counts[OMNI_MAX_WHEELS];     /**< of the encoders, at the last look */
+    omni_real_t reference[OMNI_MAX_WHEELS]; /**< at the last look [rad/s] */
+    omni_real_t first[OMNI_MAX_WHEELS];     /**< speed when a wheel became too fast [rad/s]; 0: it is not */
+    omni_real_t looks[OMNI_MAX_WHEELS];     /**< for how many looks it has been; more than OMNI_SPEED_LOOKS: a fault */
+    omni_uint_t fault;                      /**< OMNI_FAULT_OVERSPEED: any wheel has; or 0 */
+    uint32_t left;                          /**< ticks until the next look; 0 at once, when armed or disarmed */
+    bool armed;                             /**< at the last look */
+} omni_speed_watch_t;
+
 /** What the supervising stage keeps: the safety state, and for how long things have looked wrong. */
 typedef struct omni_supervisor_t {
     uint64_t armed_since_us;
@@ -260,6 +272,7 @@ typedef struct omni_supervisor_t {
     uint32_t fault_history; /**< stop faults since arming */
     omni_stop_t stop;       /**< of the latest one */
     omni_stall_watch_t stall[OMNI_MAX_WHEELS];
+    omni_speed_watch_t speeds;
     omni_current_state_t current; /**< all 0 while LIM_I and SAFE_I are 0 */
     uint32_t battery_ticks;       /**< ticks in a row with too little voltage */
 } omni_supervisor_t;

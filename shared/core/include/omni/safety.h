@@ -46,6 +46,7 @@ typedef enum omni_fault_t {
     OMNI_FAULT_OVERRUN = 1 << 10,     /**< ticks missed their time (set by the firmware) */
     OMNI_FAULT_POSITION = 1 << 11,    /**< the estimated pose is beyond LIM_POS */
     OMNI_FAULT_MOTOR_HEAT = 1 << 12,  /**< a motor had more than SAFE_I for too long */
+    OMNI_FAULT_OVERSPEED = 1 << 13,   /**< a wheel turns faster than it is asked to */
     OMNI_WARN_POSE_STALE = 1 << 16,   /**< no pose fix for FIX_TIMEOUT although fixes had come */
     OMNI_WARN_FIX_REFUSED = 1 << 17,  /**< the latest pose fix was refused */
     OMNI_WARN_SETPOINT = 1 << 18,     /**< the latest set-point was refused */
@@ -56,7 +57,7 @@ typedef enum omni_fault_t {
     OMNI_WARN_MOTOR_WARM = 1 << 23,   /**< a motor's heat is beyond OMNI_WARM_SHARE of what stops it */
     OMNI_WARN_FLOW = 1 << 24,         /**< readings of the motion over the floor are missing, cannot be true, or do not
                                            fit the wheels */
-    OMNI_FAULT_STOP_MASK = 0x1fff,
+    OMNI_FAULT_STOP_MASK = 0x3fff,
     OMNI_WARN_MASK = 0x1ff0000
 } omni_fault_t;
 

@@ -14,6 +14,7 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
     memset(robot, 0, sizeof *robot);
     robot->config = config;
     robot->supervisor.state = OMNI_STATE_INIT;
+    robot->supervisor.speeds.armed = true; /* so that the first tick begins the watch, from its counts */
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         omni_motor_kf_reset(&robot->estimator.motor_kf[i], &config->motor_kf);
     }
@@ -40,7 +41,21 @@ static bool is_to_blame(const omni_robot_t *robot, omni_uint_t faults, uint8_t w
     const bool stalled = (faults & (uint32_t)OMNI_FAULT_STALL) != 0 &&
                          robot->supervisor.stall[wheel].stalled_s > robot->config->limits.stall_s;
     const bool hot = (faults & (uint32_t)OMNI_FAULT_MOTOR_HEAT) != 0 && robot->supervisor.current.heat[wheel] >= 1.0f;
-    return blind || stalled || hot;
+    const bool fast = (faults & (uint32_t)OMNI_FAULT_OVERSPEED) != 0 &&
+                      robot->supervisor.speeds.looks[wheel] > (omni_real_t)OMNI_SPEED_LOOKS;
+    return blind || stalled || hot || fast;
+}
+
+/* How fast a wheel turned: by its encoder, or by the filter if that gives no counts. */
+static omni_real_t stop_speed(const omni_robot_t *robot, const omni_estimate_t *estimate, uint8_t wheel)
+    __attribute__((noinline, cold));
+
+static omni_real_t stop_speed(const omni_robot_t *robot, const omni_estimate_t *estimate, uint8_t wheel) {
+    if (robot->estimator.encoder_ticks[wheel] > 0) {
+        return estimate->wheel_rad_s[wheel];
+    }
+    const omni_real_t ticks = (omni_real_t)(estimate->steps > 0 ? estimate->steps : 1u);
+    return (omni_real_t)estimate->delta_counts[wheel] * robot->config->rad_per_count / (robot->config->step_s * ticks);
 }
 
 /* A fault has just stopped the robot: keep what it saw. Once per stop, so small rather than fast. */
@@ -59,8 +74,7 @@ static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estima
             stop->wheel = (uint8_t)(i + 1);
             stop->voltage_V = robot->applied.voltage_V[i];
             stop->current_A = robot->supervisor.current.current_A[i];
-            stop->wheel_rad_s = (omni_real_t)estimate->delta_counts[i] * robot->config->rad_per_count /
-                                (robot->config->step_s * (omni_real_t)(estimate->steps > 0 ? estimate->steps : 1u));
+            stop->wheel_rad_s = stop_speed(robot, estimate, i);
         }
     }
 }
@@ -212,6 +226,12 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
             omni_robot_limit_currents(&robot->control, config, &robot->supervisor.current, estimate->supply_V,
                                       &robot->applied, &actuation);
         }
+    }
+    omni_speed_watch_t *speeds = &robot->supervisor.speeds;
+    if (speeds->left > estimate->steps) {
+        speeds->left -= estimate->steps;
+    } else {
+        omni_robot_watch_speeds(speeds, config, &robot->estimator, estimate, &target, &actuation);
     }
     faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target);
     faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);

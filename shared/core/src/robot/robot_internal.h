@@ -14,6 +14,7 @@
  *   control      inputs, estimate, target                     omni_actuation_t
  *   limit        the motors' speeds, omni_actuation_t         omni_actuation_t, if LIM_I is set
  *   gain margin  estimate, target                             margins that it keeps, a warning
+ *   watch speeds counts, target, omni_actuation_t             a fault of the next tick
  *   report       all of these                                 omni_outputs_t
  */
 #ifndef OMNI_ROBOT_INTERNAL_H
@@ -134,6 +135,16 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
                                    const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate,
                                    const omni_target_t *target);
+
+/**
+ * Does a wheel turn faster than its reference for long, or at all (a tenth of LIM_WHEEL) while the robot is not armed?
+ * Called in every OMNI_SPEED_TICKS-th tick, and when it is armed or disarmed. Not judged while duties are set.
+ * omni_robot_supervise reports it in the next tick.
+ */
+void omni_robot_watch_speeds(omni_speed_watch_t *watch, const omni_robot_config_t *config,
+                             const omni_estimator_t *estimator, const omni_estimate_t *estimate,
+                             const omni_target_t *target, const omni_actuation_t *actuation)
+    __attribute__((noinline, cold));
 
 /**
  * The motors' currents and their heat; called only if config->current.watched. @param last what the last tick did.

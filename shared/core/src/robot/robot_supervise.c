@@ -173,6 +173,7 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
     faults |= supervise_link(&config->limits, inputs);
     faults |= supervise_setpoint(supervisor, &config->limits, inputs, kind);
     faults |= omni_select(last->saturated, (uint32_t)OMNI_WARN_SATURATED, 0u);
+    faults |= supervisor->speeds.fault;
     if (last->off_track) {
         faults |= OMNI_FAULT_TRACKING;
     }
@@ -181,7 +182,11 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
 
 static void apply_safety_event(omni_supervisor_t *supervisor, omni_safety_event_t event) {
     OMNI_INVARIANT(supervisor->state < OMNI_STATE_COUNT);
+    const bool armed = supervisor->state == OMNI_STATE_ARMED;
     supervisor->state = omni_safety_next(supervisor->state, event);
+    if (armed != (supervisor->state == OMNI_STATE_ARMED)) {
+        supervisor->speeds.left = 0; /* the wheels are looked at in this tick */
+    }
 }
 
 void omni_robot_stop(omni_supervisor_t *supervisor, uint32_t fault) {
