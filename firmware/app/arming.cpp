@@ -96,16 +96,17 @@ uint8_t Arming::stop(uint32_t event, const Sender &sender) {
     control_.plans.withdraw();
     control_.stop(event);
     robot_.expect_stop();
-    tell_who_stopped(sender);
+    tell_who("stopped", sender);
     heartbeats_.stations.end_drives_but(sender);
     return MAV_RESULT_ACCEPTED;
 }
 
 /// For the station whose drive it was. After the stop, which waits for nothing.
-OMNI_COLD void Arming::tell_who_stopped(const Sender &sender) {
+OMNI_COLD void Arming::tell_who(const char *did, const Sender &sender) {
     if (robot_.armed() && !heartbeats_.stations.counts(sender)) {
         texts_.say(MAV_SEVERITY_NOTICE, Text()
-                                            .add("stopped by station ")
+                                            .add(did)
+                                            .add(" by station ")
                                             .add(uint32_t{sender.system})
                                             .add("/")
                                             .add(uint32_t{sender.component})

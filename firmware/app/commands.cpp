@@ -92,6 +92,7 @@ void Commands::handle(const Command &command) {
 /// @param holds the pose, or ends an excitation: no drive begins.
 void Commands::note_motion(bool holds, const Sender &sender) {
     if (holds) {
+        services_.arming.tell_who("held", sender);
         services_.heartbeats.held(sender);
     } else {
         services_.heartbeats.commanded(sender);

@@ -11,6 +11,7 @@ constexpr uint64_t window_us = 2'000'000;
 constexpr uint64_t longest_gap_us = 500'000; ///< without a fix for longer, a window begins anew
 constexpr uint8_t windows = 2;               ///< in a row: one may hold a jump, because the tracker was set anew
 constexpr float most_m_s = 0.05f;            ///< apart, of a robot that stands
+constexpr float most_rad_s = 0.03f;          ///< the same of its heading
 constexpr float most_share = 0.3f;           ///< of the way by the wheels: slip, wheel radii, a tracker's scale
 
 } // namespace
@@ -25,7 +26,7 @@ OMNI_COLD void FixDrift::begin(const omni_pose_t &world) {
     begun_ = true;
     first_ = world;
     first_us_ = now_us_;
-    x_ = y_ = travelled_ = 0.0f;
+    x_ = y_ = theta_ = travelled_ = turned_ = 0.0f;
 }
 
 OMNI_COLD void FixDrift::take(const omni_outputs_t &outputs) {
@@ -34,7 +35,9 @@ OMNI_COLD void FixDrift::take(const omni_outputs_t &outputs) {
     now_us_ = outputs.time_us;
     x_ += outputs.rate.vx * elapsed_s;
     y_ += outputs.rate.vy * elapsed_s;
+    theta_ += outputs.rate.wz * elapsed_s;
     travelled_ += omni_sqrtf(outputs.rate.vx * outputs.rate.vx + outputs.rate.vy * outputs.rate.vy) * elapsed_s;
+    turned_ += omni_absf(outputs.rate.wz) * elapsed_s;
 }
 
 OMNI_COLD void FixDrift::compare(const omni_pose_t &world, bool armed) {
@@ -53,12 +56,17 @@ OMNI_COLD void FixDrift::compare(const omni_pose_t &world, bool armed) {
     const float dx = world.x - first_.x - x_;
     const float dy = world.y - first_.y - y_;
     const float apart_m = omni_sqrtf(dx * dx + dy * dy);
-    const bool agree = apart_m <= most_m_s * lasted_s + most_share * travelled_;
+    const float apart_rad = omni_absf(omni_wrap_pi(world.theta - first_.theta - theta_));
+    const bool place_agrees = apart_m <= most_m_s * lasted_s + most_share * travelled_;
+    const bool agree = place_agrees && apart_rad <= most_rad_s * lasted_s + most_share * turned_;
     apart_ = agree ? uint8_t{0} : static_cast<uint8_t>(apart_ + 1);
     if (apart_ == windows) {
         apart_ = 0;
-        const auto mm_s = static_cast<uint32_t>(apart_m / lasted_s * 1000.0f);
-        texts_.say(MAV_SEVERITY_WARNING, Text().add("fixes and wheels disagree by ").add(mm_s).add(" mm/s"));
+        const float milli_per_s = 1000.0f * (place_agrees ? apart_rad : apart_m) / lasted_s;
+        texts_.say(MAV_SEVERITY_WARNING, Text()
+                                             .add("fixes and wheels disagree by ")
+                                             .add(static_cast<uint32_t>(milli_per_s))
+                                             .add(place_agrees ? " mrad/s" : " mm/s"));
     }
     begin(world);
 }

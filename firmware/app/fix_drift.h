@@ -32,7 +32,9 @@ private:
     uint64_t now_us_ = 0; ///< time of the latest report
     float x_ = 0.0f;      ///< gone by the wheels since `first_us_` [m], world frame
     float y_ = 0.0f;
+    float theta_ = 0.0f;     ///< turned by the wheels since then [rad]
     float travelled_ = 0.0f; ///< length of that way [m]
+    float turned_ = 0.0f;    ///< turned either way [rad]
     uint8_t apart_ = 0;      ///< windows in a row in which they disagreed
 };
 

@@ -17,7 +17,7 @@ REASON_S = 0.1
 """The heartbeat that tells of an end comes first, then its reason."""
 _ENDED = "its drive has ended"
 """How the robot, and the hub, refuse set-points of a drive that another station has ended."""
-_WHO = ("stopped by station ", "hub: ")
+_WHO = ("stopped by station ", "held by station ", "hub: ")
 """How the robot, and the hub, begin to say who stopped it."""
 
 
@@ -68,12 +68,21 @@ class DriveGuard:
         stopped = self._state in ("failsafe", "estop")
         if stopped or (self._seen_armed and self._armed is False):
             self._await_reason()
-            who = [text.text for text in self._texts.since(self._mark) if text.text.startswith(_WHO)]
+            who = self._who()
             raise self._stopped_itself() if stopped and not who else self._stopped_by_another(who)
         if any(_ENDED in text.text for text in self._texts.since(self._mark)):
-            raise StoppedError(
-                "another station or program held the robot or took the command", hint="arm again to go on"
-            )
+            raise self.held()
+
+    def held(self) -> StoppedError:
+        """Return the error of a drive that another station or program ended while the robot stays armed."""
+        who = self._who()
+        by = f" ({who[-1]})" if who else ""
+        return StoppedError(
+            f"another station or program held the robot or took the command{by}", hint="arm again to go on"
+        )
+
+    def _who(self) -> list[str]:
+        return [text.text for text in self._texts.since(self._mark) if text.text.startswith(_WHO)]
 
     def _await_reason(self) -> None:
         self._asking = True  # what is repeated meanwhile may check, too

@@ -339,6 +339,19 @@ def test_who_stops_anothers_drive_is_said(two: TwoLinks, stop: str) -> None:
     assert f"stopped by station {sender.srcSystem}/{sender.srcComponent} on link 2" in two.texts
 
 
+@pytest.mark.parametrize("name", ["hold", "mode hold"])
+def test_who_holds_the_robot_in_anothers_drive_is_said(two: TwoLinks, name: str) -> None:
+    two.first.armed()
+    two.run(0.2, two.first, two.second)
+    assert two.first.command(*STOP_COMMANDS[name]) == mav.MAV_RESULT_ACCEPTED
+    two.run(0.1, two.first, two.second)
+    assert not any("held by" in text for text in two.texts), "its own"
+    assert two.second.command(*STOP_COMMANDS[name]) == mav.MAV_RESULT_ACCEPTED
+    assert two.run(0.2, two.first, two.second) == ARMED
+    sender = two.second.mav
+    assert f"held by station {sender.srcSystem}/{sender.srcComponent} on link 2" in two.texts
+
+
 def test_ones_own_stop_is_not(two: TwoLinks) -> None:
     two.first.armed()
     two.run(0.2, two.first, two.second)

@@ -359,6 +359,8 @@ def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
             started = started or tracking.phase in ("lead-in", "path")
             if (started and tracking.phase == "done") or passed > duration_s:
                 return tracking
+            if started and tracking.phase == "none":
+                raise robot.guard.held()
     raise AssertionError("telemetry() ends only by an exception")
 
 
