@@ -47,7 +47,7 @@ static void make_state(void) {
     robot.applied.saturated = any_bool();
     robot.margin.uncovered = any_bool();
     robot.applied.off_track = any_bool();
-    robot.supervisor.speeds.fault = any_bool() ? (uint32_t)OMNI_FAULT_OVERSPEED : 0u;
+    robot.supervisor.speeds.fault = (uint32_t)any_bool() * (uint32_t)OMNI_FAULT_OVERSPEED; /* no case of its own */
     robot.supervisor.speeds.armed = any_bool();
     robot.exciter.begun = any_bool();
     robot.supervisor.current.hot = any_bool();

@@ -210,6 +210,19 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     /* Its frame is not to be on the stack while the pose filter has the deepest of the tick. */
     __attribute__((noinline));
 
+/* Most ticks only count: the watch itself is a call that is seldom made. */
+static inline __attribute__((always_inline)) void watch_speeds_when_due(omni_robot_t *robot,
+                                                                        const omni_estimate_t *estimate,
+                                                                        const omni_target_t *target,
+                                                                        const omni_actuation_t *actuation) {
+    omni_speed_watch_t *speeds = &robot->supervisor.speeds;
+    if (speeds->left > estimate->steps) {
+        speeds->left -= estimate->steps;
+    } else {
+        omni_robot_watch_speeds(speeds, robot->config, &robot->estimator, estimate, target, actuation);
+    }
+}
+
 static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate,
                              uint8_t kind, omni_uint_t faults, omni_outputs_t *outputs) {
     const omni_robot_config_t *config = robot->config;
@@ -227,12 +240,7 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
                                       &robot->applied, &actuation);
         }
     }
-    omni_speed_watch_t *speeds = &robot->supervisor.speeds;
-    if (speeds->left > estimate->steps) {
-        speeds->left -= estimate->steps;
-    } else {
-        omni_robot_watch_speeds(speeds, config, &robot->estimator, estimate, &target, &actuation);
-    }
+    watch_speeds_when_due(robot, estimate, &target, &actuation);
     faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target);
     faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
     robot->supervisor.faults = faults;
