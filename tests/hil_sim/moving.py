@@ -62,6 +62,10 @@ class Moving:
         """Return the true speeds of the wheels."""
         return list(self._run.world.wheel_rad_s)[: self.wheels]
 
+    def arming_faults(self) -> int:
+        """Return what the robot would not be armed for."""
+        return int(lib.omni_robot_arming_faults(ffi.addressof(self._run, "robot")))
+
     def event(self, event: int) -> None:
         """Run a tick with an event."""
         self._run.inputs.events |= event

@@ -68,7 +68,7 @@
  * OMNI_EKF_ALONE_US. A slot of the history in which neither wheels nor gyro have moved the robot brings none of it
  * then.
  *
- * Four wheels roll against each other: n^T r phi' is 0 for a rigid body on wheels that are as told. It then measures the
+ * Four wheels roll against each other: n^T r phi' is 0 for a rigid body on wheels that are as told. It measures the
  * slip ratios, n^T r phi' = n^T v_s, while fixes come. Real wheels have a mismatch of some percent there, from radii,
  * rollers and a frame that is not flat, and it lasts. Pushing against each other, they creep along n, which moves no
  * body (B+ n = 0). A ratio per wheel that explains the mismatch does move it. So without fixes, which would correct it,

@@ -271,6 +271,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 }
 
 uint32_t omni_robot_arming_faults(const omni_robot_t *robot) {
-    const uint32_t faults = (uint32_t)(robot->supervisor.faults & (uint32_t)OMNI_FAULT_STOP_MASK);
+    const omni_uint_t now = robot->supervisor.faults | robot->supervisor.speeds.fault;
+    const uint32_t faults = (uint32_t)(now & (uint32_t)OMNI_FAULT_STOP_MASK);
     return robot->supervisor.state == OMNI_STATE_DISARMED ? faults : faults | (uint32_t)OMNI_FAULT_CONFIG;
 }

@@ -139,7 +139,7 @@ omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_c
 /**
  * Does a wheel turn faster than its reference for long, or at all (a tenth of LIM_WHEEL) while the robot is not armed?
  * Called in every OMNI_SPEED_TICKS-th tick, and when it is armed or disarmed. Not judged while duties are set.
- * omni_robot_supervise reports it in the next tick.
+ * omni_robot_supervise reports it in the next tick; of a robot that is not armed, omni_robot_arming_faults alone does.
  */
 void omni_robot_watch_speeds(omni_speed_watch_t *watch, const omni_robot_config_t *config,
                              const omni_estimator_t *estimator, const omni_estimate_t *estimate,

@@ -173,7 +173,7 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
     faults |= supervise_link(&config->limits, inputs);
     faults |= supervise_setpoint(supervisor, &config->limits, inputs, kind);
     faults |= omni_select(last->saturated, (uint32_t)OMNI_WARN_SATURATED, 0u);
-    faults |= supervisor->speeds.fault;
+    faults |= omni_select(supervisor->speeds.armed, supervisor->speeds.fault, 0u);
     if (last->off_track) {
         faults |= OMNI_FAULT_TRACKING;
     }
@@ -203,7 +203,8 @@ bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *i
     if ((events & OMNI_EVENT_ESTOP_CLEAR) != 0) {
         apply_safety_event(supervisor, OMNI_SAFETY_ESTOP_CLEAR);
     }
-    if ((events & OMNI_EVENT_ARM) != 0 && (faults & (uint32_t)OMNI_FAULT_STOP_MASK) == 0) {
+    const omni_uint_t arming_faults = faults | supervisor->speeds.fault; /* a wheel may turn, but not while arming */
+    if ((events & OMNI_EVENT_ARM) != 0 && (arming_faults & (uint32_t)OMNI_FAULT_STOP_MASK) == 0) {
         apply_safety_event(supervisor, OMNI_SAFETY_ARM);
     }
     const bool armed = supervisor->state == OMNI_STATE_ARMED && before != OMNI_STATE_ARMED;
