@@ -75,7 +75,8 @@ uint8_t Arming::arm(const Sender &sender) {
     const uint32_t faults = robot_.latest().arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
     if (faults != 0) {
         texts_.refuse(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
-        return MAV_RESULT_DENIED;
+        // Wheels that still turn come to rest by themselves.
+        return faults == OMNI_FAULT_OVERSPEED ? MAV_RESULT_TEMPORARILY_REJECTED : MAV_RESULT_DENIED;
     }
     if (!signing_.store_for_drive()) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));

@@ -21,6 +21,8 @@ ACK_TIMEOUT_S = 1.0
 TRIES = 10
 """On a radio that loses a fifth of the packets, half of the exchanges fail."""
 BUSY_TIMEOUT_S = 2.0
+ARMING_TIMEOUT_S = 5.0
+"""It is not armed while a wheel turns: after full speed those of `fast_three_wheel` coast for 3.4 s."""
 BUSY_PERIOD_S = 0.05
 USED_PARAMS = 4
 _LAST_NUMBER = 65535
@@ -43,18 +45,20 @@ class Commander:
         """
         mark = self._texts.mark()
         self._connection.beat()  # after a silence the robot must hear first that somebody is there
-        ack = self._settled(command, params, last)
+        arming = command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and bool(params and params[0])
+        ack = self._settled(command, params, last, ARMING_TIMEOUT_S if arming else BUSY_TIMEOUT_S)
         if ack is None:
             raise LinkTimeoutError(f"the robot does not answer the command {what}")
         if ack.result != mavlink.MAV_RESULT_ACCEPTED:
             result = enum_name("MAV_RESULT", ack.result, "MAV_RESULT_")
-            arming = command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and bool(params and params[0])
             refusal = ArmingRefusedError if arming else CommandRefusedError
             raise refusal(what, result, self._texts.reasons_since(mark))
 
-    def _settled(self, command: int, params: tuple[float, ...], last: tuple[float, float]) -> Message | None:
+    def _settled(
+        self, command: int, params: tuple[float, ...], last: tuple[float, float], timeout_s: float
+    ) -> Message | None:
         """Return the acknowledgement; "temporarily rejected", as while it starts up, is tried again for a while."""
-        end = self._connection.clock() + BUSY_TIMEOUT_S
+        end = self._connection.clock() + timeout_s
         while True:
             ack = self._acknowledged(command, params, last)
             busy = ack is not None and ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED

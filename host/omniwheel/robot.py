@@ -174,7 +174,7 @@ class Robot:
         return self.guard.begun
 
     def arm(self) -> None:
-        """Power the motors. Raises ArmingRefusedError with the robot's reasons."""
+        """Power the motors, within 5 s if wheels still turn. Raises ArmingRefusedError with the robot's reasons."""
         self.guard.begin()  # already now: Ctrl-C while the answer is on its way must disarm, too
         try:
             self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
