@@ -9,15 +9,18 @@ from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import StoppedError
 from omniwheel.status import RobotStatus
-from omniwheel.telemetry import Heartbeat, Status
+from omniwheel.telemetry import Heartbeat, Status, StatusText
 from omniwheel.telemetry_parts import decode
 from omniwheel.texts import TextLog
 
+LATE_S = 0.5
+"""A text of before the arming may come so late after the robot has accepted it."""
 REASON_S = 0.1
 """The heartbeat that tells of an end comes first, then its reason."""
 _ENDED = "its drive has ended"
 """How the robot, and the hub, refuse set-points of a drive that another station has ended."""
-_WHO = ("stopped by station ", "held by station ", "hub: ")
+_HELD = "held by station "
+_WHO = ("stopped by station ", _HELD, "hub: ")
 """How the robot, and the hub, begin to say who stopped it."""
 
 
@@ -25,38 +28,61 @@ class DriveGuard:
     """Watches one robot from its arming to its disarming by this program.
 
     ``begun``: it was armed here and has not been disarmed here since. What the robot said before it accepted the
-    arming is of an earlier state, however late a radio brings it.
+    arming is of an earlier state, however late a radio brings it. Once a drive is over it stays so until the next one.
     """
 
     def __init__(self, connection: Connection, texts: TextLog, status: Callable[[], RobotStatus]) -> None:
         self.begun = False
         self._connection, self._texts, self._status = connection, texts, status
         self._accepted = False
-        self._armed: bool | None = None
-        self._seen_armed = False
-        self._state: str | None = None
+        self._over: StoppedError | None = None
+        self._reset()
         self._asking = False
         self._mark = 0
         connection.add_listener(self._hear)
 
+    def _reset(self) -> None:
+        """Forget what the robot said of an earlier drive."""
+        self._armed: bool | None = None
+        self._seen_armed = self._seen_disarmed = self._held = False
+        self._state: str | None = None
+        self._over = None
+        self._since_s = self._connection.clock()
+
     def _hear(self, message: Message) -> None:
-        beat, status = decode(Heartbeat, message), decode(Status, message)
+        beat, status, text = decode(Heartbeat, message), decode(Status, message), decode(StatusText, message)
         if self.begun and not self._accepted and _accepts_arming(message):
-            self._accepted, self._armed, self._seen_armed, self._state = True, None, False, None
+            self._accepted = True
+            self._reset()
             self._mark = self._texts.mark()
         elif beat is not None:
             self._armed = beat.armed
+            self._seen_disarmed = self._seen_disarmed or (self._seen_armed and not beat.armed)
             self._seen_armed = self._seen_armed or beat.armed
         elif status is not None:
             self._state = status.state
+        elif text is not None and self._accepted and self._connection.clock() - self._since_s > LATE_S:
+            self._held = self._held or text.text.startswith(_HELD)
 
     def begin(self) -> None:
         """Take note that this program asks the robot to arm."""
         self.begun, self._accepted, self._mark = True, False, self._texts.mark()
 
+    def go_on(self) -> None:
+        """Take note that this program began a new drive of the robot that it had armed: it may have been held."""
+        if self.begun and self._accepted and self._armed:
+            self._reset()
+            self._armed = self._seen_armed = True
+            self._mark = self._texts.mark()
+
     def end(self) -> None:
         """Take note that this program disarms or stops the robot."""
-        self.begun = False
+        self.begun, self._over = False, None
+
+    @property
+    def armed_here(self) -> bool:
+        """Whether the robot is armed by this program, as far as is known: nobody else has disarmed and armed it."""
+        return self.begun and not (self._seen_disarmed and self._armed)
 
     def check(self) -> None:
         """Raise StoppedError if the drive that was begun here is over; nothing happens if none was begun.
@@ -65,13 +91,20 @@ class DriveGuard:
         """
         if not self.begun or not self._accepted or self._asking:
             return
+        self._over = self._over or self._ending()
+        if self._over is not None:
+            raise StoppedError(str(self._over), hint=self._over.hint)
+
+    def _ending(self) -> StoppedError | None:
+        """Return why the drive is over; None while it is not."""
         stopped = self._state in ("failsafe", "estop")
-        if stopped or (self._seen_armed and self._armed is False):
+        if stopped or self._seen_disarmed:
             self._await_reason()
             who = self._who()
-            raise self._stopped_itself() if stopped and not who else self._stopped_by_another(who)
-        if any(_ENDED in text.text for text in self._texts.since(self._mark)):
-            raise self.held()
+            return self._stopped_itself() if stopped and not who else self._stopped_by_another(who)
+        if self._held or any(_ENDED in text.text for text in self._texts.since(self._mark)):
+            return self.held()
+        return None
 
     def held(self) -> StoppedError:
         """Return the error of a drive that another station or program ended while the robot stays armed."""
@@ -98,7 +131,7 @@ class DriveGuard:
         return StoppedError(f"the robot stopped by itself ({self._state}): {faults or 'no fault named'}", hint=hint)
 
     def _stopped_by_another(self, who: list[str]) -> StoppedError:
-        stop = "an emergency stop is on" if self._state == "estop" else "it is disarmed"
+        stop = "an emergency stop is on" if self._state == "estop" else "it was disarmed"
         return StoppedError(
             f"another station or program stopped the robot ({who[-1] if who else 'it is not said which'}): {stop}",
             hint="nothing arms it again by itself",

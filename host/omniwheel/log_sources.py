@@ -20,16 +20,23 @@ from omniwheel.logs.mapping import read_mapping
 from omniwheel.logs.run_folder import DRIVE_TLOG, SUMMARY_FILE, load_run
 
 
-def open_log(path: Path, robot: Robot, mapping: Path | None = None, truth: Path | None = None) -> WheelLog:
-    """Read a log of any kind; ``robot`` says what our own formats leave out. Raises LogError, SchemaError."""
+def open_log(
+    path: Path, robot: Robot, mapping: Path | None = None, truth: Path | None = None, part: int | None = None
+) -> WheelLog:
+    """Read a log of any kind; ``robot`` says what our own formats leave out, ``part`` which one of a telemetry log.
+
+    Raises LogError, SchemaError, DatasetError.
+    """
     if (path / DRIVE_TLOG).is_file() and not (path / SUMMARY_FILE).is_file():
         path = path / DRIVE_TLOG
+    if part is not None and path.exists() and path.suffix != ".tlog":
+        raise LogError(f"{path} has no parts", hint="leave --part out: it chooses a part of a telemetry log (.tlog)")
     if path.is_dir():
         return read_run(path)
     if not path.is_file():
         raise LogError(f"there is no log {path}", hint=f"a log is {LOG_KINDS}")
     if path.suffix == ".tlog":
-        return read_tlog(path, robot)
+        return read_tlog(path, robot, part)
     if path.suffix == ".npz":
         return load_log(path)
     if mapping is None:
@@ -56,13 +63,14 @@ def read_run(folder: Path) -> WheelLog:
     return _from_speeds(folder.name, counts_per_revolution, time, speed, duty, truth)
 
 
-def read_tlog(path: Path, robot: Robot) -> WheelLog:
+def read_tlog(path: Path, robot: Robot, part: int | None = None) -> WheelLog:
     """Read a telemetry log: counts and voltages of OMNI_SAMPLE, else the speeds and duties of OMNI_WHEELS.
 
     Truth are the pose fixes with the robot's time, else the robot's own estimate (OMNI_TRACKING). Of a log with a
-    restart in it the longest part is read, as the log's name then says. Raises LogError.
+    restart in it this ``part`` is read, else the longest one, as the log's name then says. Raises LogError,
+    DatasetError.
     """
-    messages, note = read_part(path)
+    messages, note = read_part(path, part)
     name = f"{path.stem} ({note})" if note else path.stem
     truth = _fixes(messages) or _estimates(messages)
     if any(message.get_type() == "OMNI_SAMPLE" for message in messages):

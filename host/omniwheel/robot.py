@@ -170,8 +170,11 @@ class Robot:
 
     @property
     def armed_here(self) -> bool:
-        """Whether this object has asked the robot to arm, was not refused, and has not disarmed or stopped it since."""
-        return self.guard.begun
+        """Whether this object has asked the robot to arm, was not refused, and has not disarmed or stopped it since.
+
+        Not if another station has disarmed and armed it since: then it is not for this object to disarm.
+        """
+        return self.guard.armed_here
 
     def arm(self) -> None:
         """Power the motors, within 5 s if wheels still turn. Raises ArmingRefusedError with the robot's reasons."""
@@ -320,6 +323,7 @@ class Robot:
         period = 0.0 if period_s is None else checked_value(self.table, "TRJ_PERIOD", period_s)
         what = "to start the trajectory"
         self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, number, count, period, what=what)
+        self.guard.go_on()
 
     def stop_trajectory(self) -> None:
         """Leave the trajectory and hold the pose."""

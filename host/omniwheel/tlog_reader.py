@@ -23,8 +23,11 @@ LATE_S = 1.0
 SILENT_S = 5.0
 """After so long without the robot's time, nothing is known of what was between."""
 RESTARTED = "the robot restarted"
+WRAPPED = "the robot's clock of 32 bits wrapped"
 PAUSED_S = 0.3
 """The telemetry that is drawn or integrated comes more often."""
+JITTER_S = 0.02
+"""Messages of one link come out of order by so much at most, but for what a radio brings late."""
 WRAP_S = 2.0**32 * 1e-3
 _TIMED = {
     "OMNI_TRACKING": ("time_boot_ms", 1e-3),
@@ -114,6 +117,17 @@ def _frame_end(data: bytes, frame: int) -> int:
     return frame + 12 + data[frame + 1] + (13 if data[frame + 2] else 0)
 
 
+def _is_restart(robot_s: float, went_s: float, recorded_s: float) -> bool:
+    """Return whether a robot's clock that moved by ``went_s`` to ``robot_s`` began again.
+
+    ``recorded_s`` is what the recorder's clock moved by meanwhile. It moves back where logs were joined in another
+    order. After a restart it has moved by the robot's new time or more. A late message comes among others.
+    """
+    if went_s < -JITTER_S and (recorded_s < -JITTER_S or recorded_s >= robot_s):
+        return True
+    return not -SILENT_S <= recorded_s <= went_s + SILENT_S and not 0.0 <= went_s <= PAUSED_S
+
+
 @dataclass
 class RobotClock:
     """The robot's clock over a log: goes on where its 32 bits wrap, and where the robot restarted and it began again.
@@ -137,12 +151,12 @@ class RobotClock:
         if self.newest_s is None:
             self.newest_s = time_s
         went_s = time_s - self.newest_s
-        recorded_s = 0.0 if stamp_s is None or self.stamp_s is None else stamp_s - self.stamp_s
+        recorded_s = None if stamp_s is None or self.stamp_s is None else stamp_s - self.stamp_s
         self.stamp_s = stamp_s
         if went_s < -LATE_S and abs(went_s + WRAP_S) < SILENT_S:
             self.offset_s += WRAP_S
             time_s += WRAP_S
-        elif went_s < -LATE_S or (recorded_s - went_s > SILENT_S and not 0.0 <= went_s <= PAUSED_S):
+        elif went_s < -LATE_S or (recorded_s is not None and _is_restart(robot_s, went_s, recorded_s)):
             self.offset_s += LATE_S - went_s
             time_s = self.newest_s + LATE_S
             self.starts += ((self.newest_s + 0.5 * LATE_S, RESTARTED),)
@@ -159,34 +173,70 @@ def robot_time_s(message: Message) -> float | None:
     return float(getattr(message, name)) * unit if name and message.get_srcComponent() == ROBOT_COMPONENT else None
 
 
-def longest_part(messages: Iterable[Message]) -> tuple[list[Message], str]:
-    """Return the messages of a log's longest part, and which of how many it is; "" if there is one.
+@dataclass(frozen=True)
+class LogPart:
+    """A part of a log without a restart: its number, from 1, and its first and last time on the log's clock [s]."""
 
-    If several robots are in the log, the first one is taken, and what others said of their motion is left out.
+    number: int
+    begin_s: float
+    end_s: float
+
+
+class PartReader:
+    """Iterates over messages with the number of the part that each is in; afterwards ``parts`` has all parts.
+
+    A part ends where the robot restarted, where nothing was heard of it, and where its clock of 32 bits wraps. If
+    several robots are in the log, the first one is taken, and what others said of their motion is left out.
     """
-    clock = RobotClock()
-    system = 0
+
+    def __init__(self, messages: Iterable[Message]) -> None:
+        self.parts: list[LogPart] = []
+        self.why = ""
+        """Why the second part begins."""
+        self._messages = messages
+
+    def __iter__(self) -> Iterator[tuple[int, Message]]:
+        clock, system, begin_s, end_s = RobotClock(), 0, 0.0, 0.0
+        self.parts, self.why = [], ""
+        number, starts, offset_s = 1, 0, 0.0
+        for message in self._messages:
+            robot_s = robot_time_s(message)
+            if robot_s is not None:
+                system = system or message.get_srcSystem()
+                if message.get_srcSystem() != system:
+                    continue
+                is_first = clock.newest_s is None
+                time_s = clock.follow(robot_s, recorded_s(message))
+                if is_first:
+                    begin_s = end_s = time_s
+                elif len(clock.starts) > starts or clock.offset_s != offset_s:
+                    self.why = self.why or (clock.starts[-1][1] if len(clock.starts) > starts else WRAPPED)
+                    self.parts.append(LogPart(number, begin_s, end_s))
+                    number, begin_s, end_s = number + 1, time_s, time_s
+                starts, offset_s = len(clock.starts), clock.offset_s
+                end_s = max(end_s, time_s)
+            yield number, message
+        self.parts.append(LogPart(number, begin_s, end_s))
+
+    def note(self, number: int) -> str:
+        """Say which of how many parts this is; "" if there is one."""
+        if len(self.parts) == 1:
+            return ""
+        part = self.parts[number - 1]
+        return f"part {number} of {len(self.parts)}, {part.end_s - part.begin_s:.1f} s: {self.why}"
+
+    def listed(self) -> str:
+        """Say how long each part is."""
+        return ", ".join(f"{part.number}: {part.end_s - part.begin_s:.1f} s" for part in self.parts)
+
+
+def longest_part(messages: Iterable[Message]) -> tuple[list[Message], str]:
+    """Return the messages of a log's longest part, and which of how many it is; "" if there is one."""
+    reader = PartReader(messages)
     parts: list[list[Message]] = [[]]
-    ends: list[float] = [0.0]
-    begins: list[float] = [0.0]
-    for message in messages:
-        robot_s = robot_time_s(message)
-        if robot_s is not None:
-            system = system or message.get_srcSystem()
-            if message.get_srcSystem() != system:
-                continue
-            first = clock.newest_s is None
-            time_s = clock.follow(robot_s, recorded_s(message))
-            if first:
-                begins[0] = time_s
-            if len(clock.starts) == len(parts):
-                parts.append([])
-                begins.append(time_s)
-                ends.append(time_s)
-            ends[-1] = max(ends[-1], time_s)
+    for number, message in reader:
+        if number > len(parts):
+            parts.append([])
         parts[-1].append(message)
-    lasts = [end - begin for begin, end in zip(begins, ends, strict=True)]
-    longest = lasts.index(max(lasts))
-    if len(parts) == 1:
-        return parts[0], ""
-    return parts[longest], f"part {longest + 1} of {len(parts)}, {lasts[longest]:.1f} s: {clock.starts[0][1]}"
+    longest = max(reader.parts, key=lambda part: part.end_s - part.begin_s).number
+    return parts[longest - 1], reader.note(longest)

@@ -23,7 +23,9 @@ from omniwheel.replay import replay
 from omniwheel.robots import read_robot
 from omniwheel.studio.log_frames import record_starts
 from omniwheel.studio.recorded_log import RecordedLog
+from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.spectra import TooFewSamplesError, spectrum
+from omniwheel.telemetry import Tracking, decode
 from omniwheel.tlog_reader import STAMP, RobotClock, TlogReader
 
 ROBOT = read_robot("three_wheel")
@@ -68,10 +70,13 @@ def later(records: bytes, seconds: float) -> bytes:
     return bytes(moved)
 
 
-def log(folder: Path, *parts: bytes) -> Path:
-    path = folder / "x.tlog"
+def log_of(path: Path, *parts: bytes) -> Path:
     path.write_bytes(b"".join(parts))
     return path
+
+
+def log(folder: Path, *parts: bytes) -> Path:
+    return log_of(folder / "x.tlog", *parts)
 
 
 @pytest.mark.parametrize(
@@ -83,8 +88,19 @@ def log(folder: Path, *parts: bytes) -> Path:
         drive(500, 7.0) + drive(500, 7.0),
         later(drive(3000 + 50 * DRIVE + 1000, 9.0), 30.0),
         later(drive(3000 + 50 * DRIVE - 900, 9.0), 30.0),
+        later(drive(3000 + 50 * DRIVE + 1000, 9.0), -30.0),
+        later(drive(3000 + 50 * DRIVE - 900, 9.0), -30.0),
     ],
-    ids=["restart", "same clock", "silent for a minute", "two restarts", "a little ahead", "a little behind"],
+    ids=[
+        "restart",
+        "same clock",
+        "silent for a minute",
+        "two restarts",
+        "a little ahead",
+        "a little behind",
+        "a little ahead, recorded before",
+        "a little behind, recorded before",
+    ],
 )
 def test_no_number_is_taken_across_a_restart_or_a_gap(tmp_path: Path, second: bytes) -> None:
     record = read_record(log(tmp_path, drive(), second))
@@ -113,10 +129,47 @@ def test_a_simulated_robot_that_was_paused_has_not_restarted(tmp_path: Path) -> 
     assert record.numbers()["way_m"] == pytest.approx(SPEED_M_S * 0.05 * (2 * DRIVE - 1), rel=1e-4)
 
 
-def test_what_a_radio_brings_late_is_no_restart() -> None:
+@pytest.mark.parametrize("stamps_s", [(None,) * 4, (50.0, 50.9, 50.91, 51.0), (0.0,) * 4])
+def test_what_a_radio_brings_late_is_no_restart(stamps_s: tuple[float | None, ...]) -> None:
     clock = RobotClock()
-    assert [clock.follow(time_s) for time_s in (5.0, 5.9, 5.1, 6.0)] == [5.0, 5.9, 5.1, 6.0]
+    times_s = (5.0, 5.9, 5.1, 6.0)
+    assert [clock.follow(*times) for times in zip(times_s, stamps_s, strict=True)] == list(times_s)
     assert clock.starts == ()
+
+
+def recorded_live(ms: list[int], began_s: float, x_m: float) -> bytes:
+    """Poses of a robot that started at ``began_s`` of the recorder's clock and stands at x_m."""
+    return b"".join(later(packed(tracking(at, x_m)), began_s + 1e-3 * at) for at in ms)
+
+
+@pytest.mark.parametrize("up_ms", [300, 600, 950])
+def test_a_robot_that_restarts_soon_after_its_start_has_restarted(tmp_path: Path, up_ms: int) -> None:
+    """Its clock went back by less than a late message's would; the recorder's went on by the new start-up."""
+    first = recorded_live(list(range(50, up_ms, 50)), 0.0, 1.0)
+    second = recorded_live(list(range(75, 5000, 50)), 1e-3 * up_ms, 0.0)
+    path = log(tmp_path, first, second)
+    record = read_record(path)
+    assert len(record.starts) == 1
+    assert record.numbers()["way_m"] == pytest.approx(0.0, abs=1e-6)
+    opened = RecordedLog(path)
+    try:
+        assert len(opened.marks()) == 1
+    finally:
+        opened.close()
+
+
+def test_live_samples_are_not_joined_across_a_restart_that_brings_the_clock_near_the_old_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    store, now_s = SampleStore(), [100.0]
+    monkeypatch.setattr("omniwheel.studio.samples.time.monotonic", lambda: now_s[0])
+    times_s = []
+    for robot_ms, went_s in ((3000, 0.0), (3050, 0.05), (3900, 10.0), (3950, 0.05)):
+        now_s[0] += went_s
+        telemetry = decode(Tracking, tracking(robot_ms, 0.0))
+        assert telemetry is not None
+        times_s.append(store.take(telemetry))
+    assert times_s == pytest.approx([3.0, 3.05, 4.05, 4.1])
 
 
 def test_a_replay_is_that_of_the_longest_part(tmp_path: Path) -> None:
@@ -126,6 +179,43 @@ def test_a_replay_is_that_of_the_longest_part(tmp_path: Path) -> None:
     assert both.truth is not None
     assert both.truth.xy[0] == pytest.approx([0.0, 0.0])
     assert "part 2 of 2" in both.name
+
+
+def test_another_part_can_be_chosen(tmp_path: Path) -> None:
+    path = log(tmp_path, drive(5000, 3.0, rows=40), drive())
+    short = log_of(tmp_path / "short.tlog", drive(5000, 3.0, rows=40))
+    assert replay(read_tlog(path, ROBOT, 1), ROBOT).pose == pytest.approx(replay(read_tlog(short, ROBOT), ROBOT).pose)
+    assert read_record(path, 1).numbers() == read_record(short).numbers()
+    assert read_record(path, 2).numbers()["duration_s"] == pytest.approx(0.05 * (DRIVE - 1))
+    words = ["replay", str(path), "--robot", "three_wheel", "--json", "--part"]
+    chosen = [CliRunner().invoke(app, [*words, number]) for number in ("1", "2")]
+    assert [json.loads(result.stdout)["rows"] for result in chosen] == [40, DRIVE]
+    plotted = CliRunner().invoke(app, ["plot", str(path), "--out", str(tmp_path / "a.png"), "--part", "1", "--json"])
+    assert json.loads(plotted.stdout)["numbers"]["duration_s"] == pytest.approx(0.05 * 39)
+
+
+@pytest.mark.parametrize("words", ["replay x.tlog --robot three_wheel", "plot x.tlog", "identify telemetry x.tlog"])
+@pytest.mark.parametrize("part", ["0", "3", "-1", "x"])
+def test_a_part_that_is_not_there_is_refused(tmp_path: Path, words: str, part: str) -> None:
+    path = log(tmp_path, drive(5000, 3.0, rows=40), drive())
+    asked = words.replace("x.tlog", str(path)).split()
+    result = CliRunner().invoke(app, [*asked, "--part", part])
+    assert result.exit_code not in (0, 1), result.output
+    assert result.exception is None or isinstance(result.exception, SystemExit)
+    assert not (tmp_path / "x.png").exists()
+
+
+@pytest.mark.parametrize("name", ["log.npz", "log.csv"])
+def test_a_log_without_parts_has_none_to_choose(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"")
+    with pytest.raises(LogError, match="part"):
+        open_log(tmp_path / name, ROBOT, part=1)
+
+
+def test_no_part_goes_across_the_wrap_of_the_clock(tmp_path: Path) -> None:
+    read = read_tlog(log(tmp_path, drive(2**32 - 4000)), ROBOT)
+    assert len(read.time_s) == 80
+    assert read.time_s[-1] - read.time_s[0] == pytest.approx(0.05 * 79)
 
 
 def test_a_dataset_is_that_of_the_longest_part(tmp_path: Path) -> None:

@@ -25,6 +25,7 @@ from omniwheel.cli.common import (
     signals_interrupt,
     writable_path,
 )
+from omniwheel.cli.log_options import PartOption
 from omniwheel.cli.options import NameOption, OwnSeedOption, RobotFolderOption
 from omniwheel.limits import DEFAULT_TIMEOUT_S, EXCITATION_S
 from omniwheel.robots import free_robot_path, read_robot
@@ -105,17 +106,23 @@ def telemetry(
     mass: MassOption = None,
     resistance: ResistanceOption = None,
     motor_constant: ConstantOption = None,
+    part: PartOption = None,
     name: NameOption = "identified",
     folder: RobotFolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
-    """Identify from telemetry logs: those of `omni identify live --log`, or others with OMNI_SAMPLE at 50 Hz."""
+    """Identify from telemetry logs: those of `omni identify live --log`, or others with OMNI_SAMPLE at 50 Hz.
+
+    Of a log in which the robot restarted it takes the longest part; --part chooses another one, of a single LOG.
+    """
     from omniwheel.identification.pipeline import identify_robot
 
+    if part is not None and len(logs) > 1:
+        raise typer.BadParameter("--part chooses a part of one log; give a single LOG")
     base = read_robot(robot)
     found = identify_robot(
         base,
-        [_read(path, base) for path in logs],
+        [_read(path, base, part) for path in logs],
         _known(base, mass, resistance, motor_constant, stand),
         stand=_read(stand, base) if stand is not None else None,
         validation=[_read(path, base) for path in validate or []],
@@ -218,10 +225,10 @@ def simulate(
     _finish(found, name, robot, folder, as_json, truth)
 
 
-def _read(path: Path, base: RobotFile) -> Dataset:
+def _read(path: Path, base: RobotFile, part: int | None = None) -> Dataset:
     from omniwheel.identification.sources import read_dataset
 
-    data = read_dataset(path, base.parameter_values())
+    data = read_dataset(path, base.parameter_values(), part)
     if data.name != str(path):
         note(data.name)
     return data

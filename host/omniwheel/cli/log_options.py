@@ -22,6 +22,10 @@ MappingOption = Annotated[Path | None, MAPPING]
 TruthOption = Annotated[
     Path | None, typer.Option("--truth", metavar="FILE", help="Ground truth of the run.", show_default=False)
 ]
+PartOption = Annotated[
+    int | None,
+    typer.Option("--part", min=1, metavar="N", help="Part of a telemetry log with restarts in it.", show_default=False),
+]
 CalibrationOption = Annotated[
     Path | None,
     typer.Option(

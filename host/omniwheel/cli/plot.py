@@ -10,6 +10,7 @@ import typer
 from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.log_options import PartOption
 from omniwheel.cli.old_options import with_old_key
 from omniwheel.cli.run_output import RunFolderError
 from omniwheel.errors import OmniError
@@ -25,6 +26,7 @@ def plot(
         Path | None,
         typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: run.png in the run's folder]"),
     ] = None,
+    part: PartOption = None,
     json_wanted: JsonOption = False,
 ) -> None:
     """Draw the picture of a finished run from its stored record, or what a telemetry log shows.
@@ -37,12 +39,14 @@ def plot(
 
     log = run / TLOG_FILE if run.is_dir() and (run / DRIVE_FILE).is_file() else run
     if log.suffix == ".tlog":
-        _plot_log(log, out, json_wanted)
+        _plot_log(log, out, json_wanted, part)
         return
     if not run.exists():
         raise RunFolderError(
             f"there is no {run}", hint="give a .tlog file or the folder of a run; `omni runs` lists them"
         )
+    if part is not None:
+        raise typer.BadParameter("--part chooses a part of a telemetry log; a simulated run has none")
     try:
         summary, samples = load_run(run)
     except (OSError, ValueError, KeyError) as error:
@@ -63,13 +67,13 @@ def plot(
         console.print(escape(str(target)), soft_wrap=True)
 
 
-def _plot_log(log: Path, out: Path | None, json_wanted: bool) -> None:
+def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None) -> None:
     from hil_sim.summary import PICTURE_FILE
     from omniwheel.drive_log import draw_telemetry, read_record
     from omniwheel.drive_log.folder import TLOG_FILE
     from omniwheel.drive_log.picture import in_words
 
-    record = read_record(log)
+    record = read_record(log, part)
     beside = log.with_name(PICTURE_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")
     target = beside if out is None else writable_path(out, "the picture")
     draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)

@@ -17,6 +17,7 @@ from omniwheel.cli.log_options import (
     LogArgument,
     MappingOption,
     NoCalibrationOption,
+    PartOption,
     RobotOption,
     TruthOption,
     robot_and_calibration,
@@ -42,6 +43,7 @@ def replay_command(
     robot: RobotOption,
     mapping: MappingOption = None,
     truth: TruthOption = None,
+    part: PartOption = None,
     calibration: CalibrationOption = None,
     no_calibration: NoCalibrationOption = False,
     no_heading: Annotated[bool, typer.Option("--no-heading", help="Do not use a measured heading.")] = False,
@@ -68,6 +70,8 @@ def replay_command(
 ) -> None:
     """Feed a log's counts tick by tick through the robot's own wheel filters and pose EKF.
 
+    Of a telemetry log in which the robot restarted it takes the longest part; --part chooses another one.
+
     With a truth, says how far the estimate is from it after the best clock offset and rigid alignment. With --fixes the
     truth, aligned to the dead-reckoned path, also comes in as pose fixes. The mean NIS then says whether the noise
     figures are right.
@@ -80,7 +84,7 @@ def replay_command(
         if path is not None:
             writable_path(path, what)
     model, used, source = robot_and_calibration(robot, calibration, no_calibration)
-    run_log = open_log(log, model, mapping, truth)
+    run_log = open_log(log, model, mapping, truth, part)
     if no_counts:
         require_curve(run_log, used)
         run_log = run_log.without_counts()

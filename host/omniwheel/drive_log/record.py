@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from omniwheel.dialect import Message, is_autopilot
 from omniwheel.errors import DatasetError, LogError
-from omniwheel.identification.sources import iterate_messages
+from omniwheel.identification.sources import iterate_messages, iterate_part
 from omniwheel.telemetry import Control, Heartbeat, Status, StatusText, Tracking, Wheels, decode
-from omniwheel.tlog_reader import ROBOT_COMPONENT, RobotClock, TlogReader, recorded_s
+from omniwheel.tlog_reader import ROBOT_COMPONENT, PartReader, RobotClock, TlogReader, recorded_s
 
 Array = NDArray[np.float64]
 FULL_DUTY = 0.99
@@ -79,16 +79,22 @@ def _rms(values: Array) -> float | None:
     return float(np.sqrt(np.mean(values**2))) if len(values) else None
 
 
-def read_record(path: Path) -> TelemetryRecord:
-    """Read a telemetry log (.tlog). Raises LogError if it is none, or holds neither poses nor wheels."""
+def read_record(path: Path, part: int | None = None) -> TelemetryRecord:
+    """Read a telemetry log (.tlog), or one ``part`` of it.
+
+    Raises LogError if it is none, or holds neither poses nor wheels.
+    """
     reader = TlogReader(path)
+    parts = PartReader(iterate_messages(reader))
     try:
-        record = record_of(iterate_messages(reader))
+        record = record_of(iterate_messages(reader) if part is None else iterate_part(parts, path, part))
     except DatasetError as error:
-        raise LogError(str(error), hint="give a .tlog file, as `omni record` and `omni drive` write it") from error
+        hint = "give a .tlog file, as `omni record` and `omni drive` write it"
+        raise LogError(str(error), hint=error.hint if part is not None else hint) from error
     if not len(record.time_s) and not len(record.wheel_time_s):
         raise LogError(f"{path} holds neither OMNI_TRACKING nor OMNI_WHEELS", hint="is it a log of another robot?")
-    return replace(record, notes=(*record.notes, reader.note())) if reader.skipped else record
+    said = (*record.notes, "" if part is None else parts.note(part), reader.note())
+    return replace(record, notes=tuple(note for note in said if note))
 
 
 def record_of(messages: Iterable[Message]) -> TelemetryRecord:

@@ -18,7 +18,7 @@ from omniwheel.errors import DatasetError
 from omniwheel.frames import flip
 from omniwheel.identification.dataset import Dataset
 from omniwheel.telemetry import Sample, decode
-from omniwheel.tlog_reader import TlogReader, longest_part
+from omniwheel.tlog_reader import PartReader, TlogReader, longest_part
 
 Array = NDArray[np.float64]
 WRAP = 2.0**32
@@ -27,12 +27,13 @@ MIN_SAMPLES = 3
 HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz before `omni record`"
 
 
-def read_dataset(path: Path, parameters: Mapping[str, float]) -> Dataset:
+def read_dataset(path: Path, parameters: Mapping[str, float], part: int | None = None) -> Dataset:
     """Return the dataset of a telemetry log; ``parameters`` of the robot: wheels, encoder and directions.
 
-    Of a log with a restart in it that of its longest part, as the dataset's name says. Raises DatasetError.
+    Of a log with a restart in it that of this ``part``, else of its longest part, as the dataset's name says. Raises
+    DatasetError.
     """
-    messages, note = read_part(path)
+    messages, note = read_part(path, part)
     return from_messages(messages, f"{path} ({note})" if note else str(path), parameters)
 
 
@@ -51,11 +52,23 @@ def read_messages(path: Path) -> list[Message]:
     return list(iterate_messages(TlogReader(path)))
 
 
-def read_part(path: Path) -> tuple[list[Message], str]:
-    """Return the messages of a log's longest part without a restart, and what was left out. Raises DatasetError."""
+def read_part(path: Path, part: int | None = None) -> tuple[list[Message], str]:
+    """Return the messages of a log's ``part`` (None: the longest one), and what was left out. Raises DatasetError."""
     reader = TlogReader(path)
-    messages, note = longest_part(iterate_messages(reader))
-    return messages, "; ".join(part for part in (note, reader.note()) if part)
+    if part is None:
+        messages, note = longest_part(iterate_messages(reader))
+    else:
+        parts = PartReader(iterate_messages(reader))
+        messages = list(iterate_part(parts, path, part))
+        note = parts.note(part)
+    return messages, "; ".join(said for said in (note, reader.note()) if said)
+
+
+def iterate_part(parts: PartReader, path: Path, part: int) -> Iterator[Message]:
+    """Give the messages of one part of a log. Raises DatasetError."""
+    yield from (message for number, message in parts if number == part)
+    if not 1 <= part <= len(parts.parts):
+        raise DatasetError(f"{path} has no part {part}", hint=f"its parts are {parts.listed()}")
 
 
 def from_messages(messages: Iterable[Message], name: str, parameters: Mapping[str, float]) -> Dataset:

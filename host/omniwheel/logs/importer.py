@@ -23,6 +23,11 @@ MOST_DROPPED = 0.05
 """Share of the rows that may be left out because their time does not rise: a repeated row now and then."""
 MOST_REJECTED = 0.25
 """Share of a wheel's counts that may be spikes. Where it is more, the limits of the mapping are wrong."""
+RESTART_ROWS = 3
+"""After so many rows in a row that rise again, but lie behind what was there before, the clock began again."""
+LONGEST_GAP_S = 5.0
+LONGEST_GAP_ROWS = 10
+"""Where more time and more rows than these are missing, nothing is known of the motion between."""
 PERIOD_TOLERANCE = 0.25
 """How far the rows' distance may be from the mapping's period, as a share, in the median."""
 MAX_TURN_RAD_S = 20.0
@@ -119,6 +124,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
             )
     step = np.concatenate(([mapping.period_s], np.diff(time[keep])))
     _require_period(path, step, mapping)
+    _require_no_gap(path, time[keep], mapping)
     heading = np.full(len(wheels), np.nan)
     restarts: list[int] = []
     if mapping.heading:
@@ -165,6 +171,17 @@ def _require_period(path: Path, step_s: Array, mapping: Mapping) -> None:
         raise LogError(
             f"{path}: the rows are {found_s:g} s apart in the median, and log.period_s is {mapping.period_s:g} s",
             hint=f"correct log.period_s or log.time.unit in {mapping.source}",
+        )
+
+
+def _require_no_gap(path: Path, time_s: Array, mapping: Mapping) -> None:
+    """Raise LogError where rows are missing for so long that the log is one of two runs."""
+    step = np.diff(time_s)
+    row = int(np.argmax(step)) if len(step) else 0
+    if len(step) and step[row] > max(LONGEST_GAP_S, LONGEST_GAP_ROWS * mapping.period_s):
+        raise LogError(
+            f"{path}: nothing was logged from {time_s[row]:.3f} to {time_s[row + 1]:.3f} s",
+            hint="cut the file there and import each part",
         )
 
 
@@ -215,11 +232,16 @@ def _frozen(values: Array, time_s: Array) -> list[tuple[int, int]]:
 
 
 def _rising(path: Path, time: Array) -> Mask:
-    """Mask of the rows whose time is later than every one before. Raises LogError where many are not."""
+    """Mask of the rows whose time is later than every one before.
+
+    Raises LogError where many are not, or where the clock began again.
+    """
     before = np.concatenate(([-np.inf], np.maximum.accumulate(time)[:-1]))
     rises = np.asarray(time > before)
-    if np.mean(~rises) > MOST_DROPPED:
-        back = np.diff(time)
+    back = np.diff(time)
+    again = ~rises & np.concatenate(([False], back > 0.0))  # behind, and yet later than the row before
+    began = np.convolve(again, np.ones(RESTART_ROWS), "valid") >= RESTART_ROWS
+    if np.mean(~rises) > MOST_DROPPED or np.any(began):
         row = int(np.argmin(back))
         raise LogError(
             f"{path}: {np.sum(~rises)} of {len(time)} rows are not later than those before them; row {row + 2} goes "

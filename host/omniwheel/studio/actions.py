@@ -71,12 +71,14 @@ def _three(request: Request, *names: str) -> tuple[float, float, float]:
 def _velocity(robot: Robot, _edits: Edits, request: Request) -> None:
     twist = _three(request, "vx", "vy", "wz")
     frame = "world" if request.get("frame") == "world" else "body"
+    robot.guard.check()
     robot.require_velocity(*twist, frame=frame)
     robot.set_velocity(*twist, frame=frame)
 
 
 def _pose(robot: Robot, _edits: Edits, request: Request) -> None:
     pose = _three(request, "x", "y", "theta")
+    robot.guard.check()
     robot.require_pose(*pose)
     robot.set_pose(*pose)
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from omniwheel.dialect import Message, mavlink
 from omniwheel.studio.signals import KINDS, parts_of, signals_of, values
 from omniwheel.telemetry import Control, Fix, Telemetry, Tracking, Wheels
-from omniwheel.tlog_reader import LATE_S, ROBOT_COMPONENT, SILENT_S, RobotClock
+from omniwheel.tlog_reader import JITTER_S, ROBOT_COMPONENT, SILENT_S, RobotClock
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
@@ -58,7 +58,8 @@ class Clock(RobotClock):
         newest = np.maximum.accumulate(np.concatenate((before, time_s)))
         steps = time_s - newest[:-1]
         stamps = np.diff(stamp_s, prepend=stamp_s[0] if self.stamp_s is None else self.stamp_s)
-        return bool(np.all(steps >= -LATE_S) and np.all(steps <= SILENT_S) and np.all(stamps <= SILENT_S))
+        went_on = np.all(steps >= -JITTER_S) and np.all(steps <= SILENT_S)
+        return bool(went_on and np.all(np.abs(stamps) <= SILENT_S))
 
 
 @dataclass

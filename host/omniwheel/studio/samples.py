@@ -85,7 +85,7 @@ class SampleStore:
         if robot_s is None:
             time_s = self.now_s
         else:
-            time_s = self._clock.follow(robot_s)
+            time_s = self._clock.follow(robot_s, time.monotonic())
             self.now_s = max(self.now_s, time_s)
         ring = self._rings.get(kind)
         if ring is None:

@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log import is_slow
-from omniwheel.errors import CommandRefusedError, LinkError, LinkLostError, OmniError
+from omniwheel.errors import CommandRefusedError, LinkError, LinkLostError, OmniError, StoppedError
 from omniwheel.history import ChangeRecorder, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
@@ -149,6 +149,8 @@ class Session:
         self.quality: LinkQuality | None = None
         self.connections = 0
         """How often it has been connected: after a loss, everything may be another robot's."""
+        self.drive_ended = ""
+        """Why the drive that was begun here is over, in words, until the next one; "": it is not, or there is none."""
         self.stops = 0
         """How often something was to be stopped or disarmed: what was asked for before is not to be begun any more."""
         self._stop_wanted = False
@@ -272,6 +274,7 @@ class Session:
             silence = _Silence()
             while not self._closing.is_set():
                 self._mind_the_page(robot)
+                self._watch_drive(robot)
                 self._mind_the_sensors(robot)
                 self._do_next(robot)
                 quality.serve()
@@ -293,6 +296,15 @@ class Session:
             connection.next_heartbeat_s = float("inf")
         elif connection.next_heartbeat_s == float("inf"):
             connection.next_heartbeat_s = connection.clock()
+
+    def _watch_drive(self, robot: Robot) -> None:
+        """Note why the drive that was begun here is over; set-points are refused then."""
+        try:
+            robot.guard.check()
+        except StoppedError as error:
+            self.drive_ended = in_words(error)
+        else:
+            self.drive_ended = ""
 
     def _mind_the_sensors(self, robot: Robot) -> None:
         """A parameter says whether the robot has a sensor, and may be set while it is connected."""

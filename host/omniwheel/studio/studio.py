@@ -410,6 +410,7 @@ class Studio:
             "world": None if self.simulated is None else self.simulated.state(),
             "experiment": self.experiments.state(),
             "robot": None if session is None or robot is None else robot_state(robot, session.sensors),
+            "drive_ended": "" if session is None else session.drive_ended,
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
             "bring_up": self.bring_up.state(),

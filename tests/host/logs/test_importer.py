@@ -65,6 +65,33 @@ def test_repeated_and_missing_rows_are_counted_and_the_speed_lasts_over_a_gap(
     assert np.allclose(log.wheel_rad_s[299], whole.wheel_rad_s[303])
 
 
+def shifted(lines: list[str], seconds: float) -> list[str]:
+    """Rows whose time, in the first column, is later by so much."""
+    cells = [line.split(",", 1) for line in lines]
+    return [f"{float(time) + seconds:.3f},{rest}" for time, rest in cells]
+
+
+@pytest.mark.parametrize("share", [0.5, 0.97, 0.995])
+@pytest.mark.parametrize("back_s", [0.1, 0.5, 5.0, 1e9])
+def test_a_log_whose_clock_began_again_is_refused(
+    tmp_path: Path, files: Path, mapping: Mapping, share: float, back_s: float
+) -> None:
+    heading, *lines = rows(files / "run1.csv")
+    at = int(share * len(lines))
+    path = changed(tmp_path, [heading, *lines[:at], *shifted(lines[at:], -back_s)])
+    with pytest.raises(LogError, match=f"row {at + 2}") as error:
+        import_log(path, mapping)
+    assert "cut" in error.value.hint
+
+
+def test_a_log_with_a_long_gap_is_refused(tmp_path: Path, files: Path, mapping: Mapping) -> None:
+    heading, *lines = rows(files / "run1.csv")
+    path = changed(tmp_path, [heading, *lines[:800], *shifted(lines[800:], 60.0)])
+    with pytest.raises(LogError, match="nothing was logged") as error:
+        import_log(path, mapping)
+    assert "cut" in error.value.hint
+
+
 def test_a_restarted_heading_goes_on_where_it_was() -> None:
     true = np.linspace(0.0, 20.0, 401)
     logged = np.mod(true, 2.0 * np.pi)

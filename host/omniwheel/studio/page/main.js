@@ -109,6 +109,11 @@ function add_text({ severity, text }) {
 }
 
 function show_state(now) {
+  const ended = now?.drive_ended ?? "";
+  if (ended && ended !== state?.drive_ended) {
+    release_controls();
+    say(ended);
+  }
   state = now;
   runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
@@ -130,7 +135,7 @@ function show_state(now) {
   id("welcome").hidden = !now || link.phase !== "none";
   id("take-over").hidden = !now || now.commands === "this page";
   id("release").hidden = robot?.state !== "estop";
-  id("arm").disabled = !robot || robot.armed || link.phase !== "connected";
+  id("arm").disabled = !robot || (robot.armed && !ended) || link.phase !== "connected"; // armed and held: arm again
   id("disarm").disabled = !robot;
   for (const name of ["undo", "redo"]) {
     id(name).disabled = !now?.[name];
@@ -189,11 +194,16 @@ const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 
 // ---- what the person does
 
-function stop() {
+/** Nothing that is held or repeated moves the robot from here on. */
+function release_controls() {
   map.cancel();
   keys.stop();
   gamepad.mustRest();
   velocity.letGo();
+}
+
+function stop() {
+  release_controls();
   ask("stop").then((result) => {
     if (result && !result.told) say("No robot is connected: nothing could be stopped from here.");
   });
@@ -219,10 +229,7 @@ for (const button of document.querySelectorAll(".stop")) { // one in each window
 id("welcome-connect").onclick = () => chooser.open();
 id("arm").onclick = () => ask("arm");
 id("disarm").onclick = () => {
-  map.cancel();
-  keys.stop();
-  gamepad.mustRest();
-  velocity.letGo();
+  release_controls();
   ask("disarm");
 };
 id("release").onclick = () => ask("release");
