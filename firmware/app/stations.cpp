@@ -22,14 +22,17 @@ OMNI_COLD size_t Stations::find(const Sender &sender) const {
     return i;
 }
 
-/// Never that of the station in command.
+/// Never that of the station in command. One whose drive has ended stays as long as there are others: its setpoints would
+/// count again.
 OMNI_COLD size_t Stations::free_place() const {
     size_t place = most;
     for (size_t i = 0; i < most; ++i) {
-        const bool older = place == most || stations_[i].seen_us < stations_[place].seen_us;
         if (!stations_[i].used) {
             return i;
         }
+        const bool both = place != most && stations_[i].ended == stations_[place].ended;
+        const bool older =
+            place == most || (both ? stations_[i].seen_us < stations_[place].seen_us : stations_[place].ended);
         place = i != commander_ && older ? i : place;
     }
     return place;

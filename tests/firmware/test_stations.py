@@ -358,3 +358,50 @@ def test_ones_own_stop_is_not(two: TwoLinks) -> None:
     two.first.mav.command_long_send(1, 1, mav.MAV_CMD_COMPONENT_ARM_DISARM, 0, 0, 0, 0, 0, 0, 0, 0)
     assert two.run(0.2, two.first, two.second) == DISARMED
     assert not any("stopped by" in text for text in two.texts)
+
+
+def crowd(client: Client, systems: range) -> None:
+    """Many stations show themselves at the same moment, as behind a hub."""
+    for system in systems:
+        mav.MAVLink(client, srcSystem=system).heartbeat_send(mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)
+
+
+def test_a_crowd_of_stations_does_not_revive_a_drive_that_was_ended(two: TwoLinks) -> None:
+    two.first.armed()
+    assert drives_on(two, 0.6, two.first, two.second)
+    assert two.second.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    drives_on(two, 0.3, two.first, two.second)
+    assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    for _ in range(3):
+        crowd(two.second, range(200, 220))
+        two.sync()
+        assert not drives_on(two, 0.3, two.first, two.second)
+
+
+def test_arming_in_the_moment_after_a_disarm_revives_no_drive(two: TwoLinks) -> None:
+    two.first.armed()
+    assert drives_on(two, 0.6, two.first, two.second)
+    assert two.second.command(ARM, 0) == mav.MAV_RESULT_ACCEPTED
+    while two.second.command(ARM, 1) != mav.MAV_RESULT_ACCEPTED:
+        send_velocity(two.first, 0.1, 0.0, 0.0)
+        two.first.tick()
+    assert not drives_on(two, 1.0, two.first, two.second)
+
+
+@pytest.mark.parametrize("name", STOP_COMMANDS)
+def test_of_three_stations_the_one_that_armed_last_drives(two: TwoLinks, name: str) -> None:
+    """The third one, on the second's link, stops the second's drive and arms. Both others go on streaming."""
+    third = Client(two.second.socket)
+    third.mav.srcSystem = 254
+    two.first.armed()
+    third.heartbeat()
+    assert drives_on(two, 0.3, two.first, two.second)
+    send_velocity(two.second, 0.1, 0.0, 0.0)
+    assert third.command(*STOP_COMMANDS[name]) == mav.MAV_RESULT_ACCEPTED
+    drives_on(two, 0.3, two.first, two.second, third)
+    assert third.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
+    for _ in range(10):
+        send_velocity(two.second, 0.1, 0.0, 0.0)
+        assert not drives_on(two, 0.1, two.first, two.second, third)
+    sender = third.mav
+    assert any(f"by station {sender.srcSystem}/{sender.srcComponent} on link 2" in text for text in two.texts)

@@ -28,8 +28,10 @@ class SharedLine:
     def pose_of(self, system: int) -> tuple[float, float, float]:
         """Return the pose that a robot estimates now."""
         observer = self.observers[system]
-        observer.inbox.clear()
         observer.heartbeat()
+        observer.mav.ping_send(1, 1, 0, 0)
+        observer.wait("PING")
+        observer.inbox.clear()  # what was said before
         x, y, theta = observer.wait("OMNI_TRACKING").pose
         return x, y, theta
 
