@@ -22,8 +22,8 @@ OMNI_COLD size_t Stations::find(const Sender &sender) const {
     return i;
 }
 
-/// Never that of the station in command. One whose drive has ended stays as long as there are others: its setpoints would
-/// count again.
+/// Never that of the station in command. One whose drive has ended stays as long as there are others: its setpoints
+/// would count again.
 OMNI_COLD size_t Stations::free_place() const {
     size_t place = most;
     for (size_t i = 0; i < most; ++i) {

@@ -170,10 +170,7 @@ class Robot:
 
     @property
     def armed_here(self) -> bool:
-        """Whether this object has asked the robot to arm, was not refused, and has not disarmed or stopped it since.
-
-        Not if another station has disarmed and armed it since: then it is not for this object to disarm.
-        """
+        """Whether the robot was armed, or asked to, by this object, and not disarmed and armed by another one since."""
         return self.guard.armed_here
 
     def arm(self) -> None:

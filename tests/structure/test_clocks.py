@@ -39,6 +39,7 @@ RECEIVES = {"recv", "recvfrom", "poll"}
 ENDLESS = {
     "tests/hil_sim/echo_robot.py": "a server: it ends with its connection",
     "tests/host/mocap/natnet_server.py": "a server: it ends with its test",
+    "tests/host/shared_line.py": "a server: it ends with its test",
     "tests/host/test_timesync.py": "simulated time",
     "tests/studio/wire.py": "a server: it ends with its connections",
 }
