@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""Geometry from runs with poses, judged on runs that were left out: the split is fixed before any fit.
+
+Each group of runs is left out in turn. The model (plain geometry, full matrix, radius by direction) is chosen among the
+other groups alone, by leaving out one of those: a model with more parameters has to predict left-out runs better by
+more than the standard error of that difference. Clocks are measured with the documented geometry, before any fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from omniwheel.errors import LogError
+from omniwheel.identification.estimate import Estimate
+from omniwheel.identification.pose_fit.clock import Clock, measure_clock
+from omniwheel.identification.pose_fit.excitation import Refusal, not_shown, one_way_wheels, widest
+from omniwheel.identification.pose_fit.scores import Score, score
+from omniwheel.identification.pose_fit.solve import Fit, Quadratics, estimate, fit_quadratics, fit_windows
+from omniwheel.identification.pose_fit.wheel_model import MODELS, Array, Model, WheelModel
+from omniwheel.identification.pose_fit.windows import WINDOW_S, Run, Window, cut, groups_of
+
+LEAST_GROUPS = 2
+"""Groups without which nothing can be left out."""
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What some runs show: the ``plain`` geometry, the ``chosen`` model's fit, and what was refused."""
+
+    plain: Estimate
+    chosen: Estimate
+    model: Model
+    matrix: Array
+    plain_matrix: Array
+    refused: tuple[Refusal, ...]
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """One run that had no part in the fit: its errors with the documented and with the identified geometry."""
+
+    nominal: Score
+    identified: Score
+    identified_own_clock: Score
+
+
+@dataclass(frozen=True)
+class GeometryStudy:
+    """Geometry from all runs, the left-out groups with what the others chose, their scores, and each run's clock."""
+
+    layout: WheelModel
+    runs: tuple[Run, ...]
+    whole: Geometry
+    groups: tuple[str, ...]
+    models: tuple[Model, ...]
+    held_out: tuple[HeldOut, ...]
+    clocks: tuple[Clock, ...]
+
+
+def identify_geometry(runs: Sequence[Run], layout: WheelModel, window_s: float = WINDOW_S) -> GeometryStudy:
+    """Identify geometry from runs with poses, and score it on each group of runs with what the others say.
+
+    Raises LogError where the runs show no radius at all, or contradict their poses.
+    """
+    for run in runs:
+        if run.wheels != layout.wheels:
+            raise LogError(f"{run.name} has {run.wheels} wheels; the robot file has {layout.wheels}")
+    nominal = layout.matrix(layout.nominal)
+    clocks = [measure_clock(run, nominal) for run in runs]
+    windows = [
+        window
+        for number, (run, clock) in enumerate(zip(runs, clocks, strict=True))
+        for window in cut(run, number, clock.on_log(run.truth_s), window_s)
+    ]
+    every = range(len(runs))
+    whole = _identify(runs, windows, list(every), layout)
+    groups = groups_of(runs)
+    models, held_out = [], []
+    for group in groups if len(groups) >= LEAST_GROUPS else ():
+        left_out = [number for number in every if runs[number].group == group]
+        found = _identify(runs, windows, [number for number in every if number not in left_out], layout)
+        models.append(found.model)
+        for number in left_out:
+            run, clock = runs[number], clocks[number]
+            raw = None if run.same_clock else clock
+            held_out.append(
+                HeldOut(
+                    score(run, nominal, raw), score(run, found.matrix, raw), score(run, found.matrix, clocks[number])
+                )
+            )
+    final = tuple(measure_clock(run, whole.matrix) for run in runs)
+    return GeometryStudy(layout, tuple(runs), whole, groups, tuple(models), tuple(held_out), final)
+
+
+def _identify(runs: Sequence[Run], windows: Sequence[Window], chosen: Sequence[int], layout: WheelModel) -> Geometry:
+    """Identify from the windows of the chosen runs."""
+    used = [window for window in windows if window.run in chosen]
+    known = [runs[number] for number in chosen]
+    if not used:
+        raise LogError(
+            "no run has two poses within its log's time", hint="give each log its own truth, on a clock within 5 s"
+        )
+    plain, quadratics, refused = _plain(known, used, layout)
+    held = [refusal.name for refusal in refused]
+    one_way = one_way_wheels(known)
+    held_directions = [*held, *(refusal.name for refusal in one_way)]
+    model = choose_model(quadratics, known, chosen, layout, held_directions, plain)
+    fit, last = plain, quadratics
+    if model is not MODELS[0]:
+        fit, last, _ = fit_windows(used, layout, model, held_directions, plain.values)
+        refused += one_way if "direction" in model.kinds else []
+    return Geometry(
+        estimate(plain, quadratics, layout), estimate(fit, last, layout), model, fit.matrix, plain.matrix, tuple(refused)
+    )
+
+
+def _plain(runs: Sequence[Run], windows: Sequence[Window], layout: WheelModel) -> tuple[Fit, Quadratics, list[Refusal]]:
+    """Fit the plain geometry; what its intervals do not show keeps its nominal value."""
+    refused: list[Refusal] = []
+    limits = widest(layout)
+    while True:
+        held = [refusal.name for refusal in refused]
+        fit, quadratics, _ = fit_windows(windows, layout, MODELS[0], held)
+        found = estimate(fit, quadratics, layout)
+        wide = [name for name in found.names if found.half_width(name) > limits[layout.names.index(name)]]
+        if not wide:
+            return fit, quadratics, refused
+        worst = max(wide, key=lambda name: found.half_width(name) / limits[layout.names.index(name)])
+        kind = layout.kinds[layout.names.index(worst)]
+        refused.append(not_shown(worst, kind, found.half_width(worst), runs))
+        if not any(name.endswith("radius_m") for name in found.names if name != worst):
+            raise LogError(
+                f"these runs show no wheel radius: {refused[0].name} has a {refused[0].why}", hint=refused[0].motion
+            )
+
+
+def choose_model(
+    quadratics: Quadratics,
+    runs: Sequence[Run],
+    numbers: Sequence[int],
+    layout: WheelModel,
+    held: Sequence[str],
+    plain: Fit,
+) -> Model:
+    """Return the model that predicts left-out groups best; more parameters only for a clear gain."""
+    groups = groups_of(runs)
+    if len(groups) < LEAST_GROUPS:
+        return MODELS[0]
+    parts = [[n for n, run in zip(numbers, runs, strict=True) if run.group == group] for group in groups]
+
+    def costs(model: Model) -> Array:
+        found = []
+        for part in parts:
+            others = [number for number in numbers if number not in part]
+            if not np.any(np.isin(quadratics.run, part)) or not np.any(np.isin(quadratics.run, others)):
+                continue
+            fit = fit_quadratics(quadratics, others, layout, model, plain.values, held)
+            found += [quadratics.cost(fit.matrix, [n]) for n in part if np.any(quadratics.run == n)]
+        return np.array(found)
+
+    best, best_costs = MODELS[0], costs(MODELS[0])
+    for model in MODELS[1:]:
+        tried = costs(model)
+        gain = best_costs - tried
+        if len(gain) > 1 and np.mean(gain) > np.std(gain, ddof=1) / np.sqrt(len(gain)):
+            best, best_costs = model, tried
+    return best
+
+
+def left_out_together(runs: Sequence[Run], groups: int) -> list[Run]:
+    """Return the runs in so many groups, in turn: for runs that come without groups of their own."""
+    return [replace(run, group=f"{number % groups + 1} of {groups}") for number, run in enumerate(runs)]

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: MIT
+"""Geometry parameters of an omni-wheel robot and its odometry matrix.
+
+Wheel i at bearing a_i rolls with speed ``r_i w_i = -sin(a_i) vx + cos(a_i) vy + l_i wz``. (vx, vy, wz) is the twist of
+the *tracked point*, along the axes of the *tracked body*: the markers, not the wheels' centre. With the tracked point
+at (c_x, c_y) in the wheels' frame, and the tracked heading ahead of the wheels' heading by psi::
+
+    a_i = bearing_i - psi + angle_i
+    l_i = l - c_x cos(bearing_i) - c_y sin(bearing_i) + lever_i
+
+``angle_i`` and ``lever_i`` are deviations of single wheels. With them the matrix C with the rows
+(-sin a_i, cos a_i, l_i) / r_i is any n x 3 matrix. The odometry matrix is its pseudo-inverse, with a factor
+(1 + direction_i) on forward and (1 - direction_i) on backward rolling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omni_schema import Robot
+from omniwheel.errors import LogError
+
+Array = NDArray[np.float64]
+
+PLANT = ("radius", "distance", "tracked_x", "tracked_y", "tracked_heading")
+"""Kinds of parameters of the plain geometry."""
+MATRIX = (*PLANT, "angle", "lever")
+BY_DIRECTION = (*PLANT, "direction")
+MATRIX_BY_DIRECTION = (*MATRIX, "direction")
+UNITS = {
+    "radius": "_m",
+    "distance": "_m",
+    "tracked_x": "_m",
+    "tracked_y": "_m",
+    "tracked_heading": "_rad",
+    "angle": "_rad",
+    "lever": "_m",
+    "direction": "",
+}
+
+
+@dataclass(frozen=True)
+class Model:
+    """Which kinds of parameters are free, and a factor on the prior standard deviations of the deviations."""
+
+    name: str
+    kinds: tuple[str, ...]
+    looseness: float = 1.0
+
+
+MODELS = (
+    Model("geometry", PLANT),
+    Model("geometry, radius by direction", BY_DIRECTION),
+    Model("full matrix", MATRIX),
+    Model("full matrix, radius by direction", MATRIX_BY_DIRECTION),
+)
+"""From the fewest parameters to the most."""
+
+
+@dataclass(frozen=True)
+class WheelModel:
+    """Nominal layout: ``radius_m``, ``distance_m``, ``bearing_rad`` (n,); parameters are one vector in SI units."""
+
+    radius_m: float
+    distance_m: float
+    bearing_rad: Array
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return len(self.bearing_rad)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """The kind of each parameter."""
+        n = self.wheels
+        single = ("distance", "tracked_x", "tracked_y", "tracked_heading")
+        return ("radius",) * n + single + ("angle",) * n + ("lever",) * n + ("direction",) * n
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The name of each parameter, with its unit."""
+        numbered = ("radius", "angle", "lever", "direction")
+        number = dict.fromkeys(numbered, 0)
+        names = []
+        for kind in self.kinds:
+            if kind in number:
+                number[kind] += 1
+                names.append(f"wheel_{number[kind]}_{kind}{UNITS[kind]}")
+            else:
+                names.append(f"{'wheel_distance' if kind == 'distance' else kind}{UNITS[kind]}")
+        return tuple(names)
+
+    @property
+    def nominal(self) -> Array:
+        """Parameters of the documented geometry."""
+        n = self.wheels
+        return np.array([self.radius_m] * n + [self.distance_m] + [0.0] * (3 + 3 * n))
+
+    @property
+    def prior_sd(self) -> Array:
+        """Standard deviation of each parameter around its nominal value before any data."""
+        sd = {
+            "radius": 0.1 * self.radius_m,
+            "distance": 0.2 * self.distance_m,
+            "tracked_x": 0.1,
+            "tracked_y": 0.1,
+            "tracked_heading": 0.1,
+            "angle": 0.02,
+            "lever": 0.03 * self.distance_m,
+            "direction": 0.01,
+        }
+        return np.array([sd[kind] for kind in self.kinds])
+
+    def free(self, model: Model, held: Sequence[str] = ()) -> NDArray[np.bool_]:
+        """Mask of the parameters that a model fits, without those named in ``held``."""
+        return np.array([k in model.kinds and n not in held for k, n in zip(self.kinds, self.names, strict=True)])
+
+    def matrix(self, values: Array) -> Array:
+        """Odometry matrix (3, 2 n) [m, m, rad per rad], forward rolling first."""
+        n = self.wheels
+        radius, distance, x, y, heading = values[:n], *values[n : n + 4]
+        angle, lever, direction = (values[n + 4 + k * n : n + 4 + (k + 1) * n] for k in range(3))
+        bearing = self.bearing_rad
+        driven = bearing - heading + angle
+        arm = distance - x * np.cos(bearing) - y * np.sin(bearing) + lever
+        inverse = np.column_stack((-np.sin(driven), np.cos(driven), arm)) / radius[:, None]
+        forward = np.linalg.pinv(inverse)
+        return np.hstack((forward * (1.0 + direction), forward * (1.0 - direction)))
+
+    def slope(self, values: Array) -> Array:
+        """Derivative (6 n, p) of the flattened matrix by the parameters."""
+        step = 1e-5 * self.prior_sd
+        columns = [
+            (self.matrix(values + h * unit) - self.matrix(values - h * unit)).ravel() / (2.0 * h)
+            for h, unit in zip(step, np.eye(len(values)), strict=True)
+        ]
+        return np.column_stack(columns)
+
+
+def wheel_model(robot: Robot) -> WheelModel:
+    """Return the layout of a robot file. Raises LogError where its wheels do not span the plane."""
+    values = robot.parameter_values()
+    bearing = np.radians(np.array(robot.geometry["wheel_angle_deg"], dtype=np.float64))
+    model = WheelModel(values["WHEEL_RADIUS"], values["WHEEL_DIST"], bearing)
+    rows = np.column_stack((-np.sin(bearing), np.cos(bearing), np.ones(len(bearing))))
+    if np.linalg.matrix_rank(rows, tol=1e-3) < 3:
+        raise LogError(
+            "wheels at these bearings cannot move the robot along x, y and heading",
+            hint="correct geometry.wheel_angle_deg in the robot file",
+        )
+    return model

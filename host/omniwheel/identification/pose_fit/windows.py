@@ -1,0 +1,145 @@
+# SPDX-License-Identifier: MIT
+"""Runs cut into windows: dead reckoning from a measured pose, compared with the measured poses that follow.
+
+The path of a window is linearised in the odometry matrix. The first pose of a window is a measurement, too: its error
+is a nuisance parameter with the standard deviation of the truth, eliminated from each window.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel.errors import LogError
+from omniwheel.logs.log import Array, WheelLog
+
+WINDOW_S = 12.0
+"""Long enough for errors of heading to become errors of position, short enough that many are independent."""
+POSES_PER_WINDOW = 20
+LEAST_POSES = 2
+
+
+@dataclass(frozen=True)
+class Run:
+    """One log for the fit.
+
+    ``time_s`` (n,); ``rolled_rad`` (n, 2 wheels) cumulative wheel angles, forward rolling first; ``truth_s`` (m,) on
+    the truth's clock and ``pose`` (m, 3) [m, m, rad], heading unwrapped. ``group``: runs of one group are left out
+    together.
+    """
+
+    name: str
+    group: str
+    time_s: Array
+    rolled_rad: Array
+    truth_s: Array
+    pose: Array
+    same_clock: bool
+
+    @property
+    def wheels(self) -> int:
+        """Number of wheels."""
+        return self.rolled_rad.shape[1] // 2
+
+
+@dataclass(frozen=True)
+class Window:
+    """Wheel angle increments (m, 2 wheels) from a measured ``start`` (3,), and ``pose`` (k, 3) after rows ``row``."""
+
+    run: int
+    increment_rad: Array
+    start: Array
+    row: NDArray[np.int64]
+    pose: Array
+
+
+def run_of(log: WheelLog, group: str) -> Run:
+    """Return what the fit needs of a log. Raises LogError where truth or headings are missing.
+
+    Every count is used as logged: one that was marked as a spike adds up to the angle like any other.
+    """
+    truth = log.require_truth()
+    if log.sample_s > 0.0:
+        raise LogError(
+            f"{log.name}: its counts are samples of a speed and do not add up to an angle",
+            hint="identify it with: omni identify logs",
+        )
+    known = np.isfinite(truth.theta) & np.all(np.isfinite(truth.xy), axis=1)
+    if np.sum(known) < LEAST_POSES:
+        raise LogError(
+            f"{log.name}: {np.sum(known)} poses of its truth have position and heading; {LEAST_POSES} are needed",
+            hint="map the heading's column with truth.theta in the column mapping",
+        )
+    angle = log.counts * log.rad_per_count
+    angle[0] = 0.0  # what the wheels rolled before the first row
+    increments = np.concatenate((np.maximum(angle, 0.0), np.minimum(angle, 0.0)), axis=1)
+    pose = np.column_stack((truth.xy[known], np.unwrap(truth.theta[known])))
+    return Run(
+        log.name, group, log.time_s, np.cumsum(increments, axis=0), truth.time_s[known], pose, truth.same_clock
+    )
+
+
+def cut(run: Run, number: int, truth_on_log_s: Array, window_s: float = WINDOW_S) -> list[Window]:
+    """Cut a run whose poses were measured at ``truth_on_log_s`` (m,) of the log's clock; ``number`` names the run."""
+    usable = np.flatnonzero((truth_on_log_s >= run.time_s[0]) & (truth_on_log_s <= run.time_s[-1]))
+    if len(usable) < LEAST_POSES:
+        return []
+    times = truth_on_log_s[usable]
+    parts = max(1, round((times[-1] - times[0]) / window_s))
+    edges = np.unique(np.searchsorted(times, np.linspace(times[0], times[-1], parts + 1)))
+    return [
+        _window(run, number, usable, times, int(first), int(last))
+        for first, last in zip(edges[:-1], edges[1:], strict=True)
+    ]
+
+
+def _window(run: Run, number: int, usable: NDArray[np.int64], times: Array, first: int, last: int) -> Window:
+    chosen = np.unique(np.linspace(first, last, min(last - first, POSES_PER_WINDOW) + 1).round().astype(int))
+    between = run.time_s[(run.time_s > times[first]) & (run.time_s < times[last])]
+    grid = np.union1d(between, times[chosen])
+    rolled = np.column_stack([np.interp(grid, run.time_s, column) for column in run.rolled_rad.T])
+    row = np.searchsorted(grid, times[chosen])
+    pose = run.pose[usable[chosen]]
+    return Window(number, np.diff(rolled, axis=0), pose[0], row[1:].astype(np.int64) - 1, pose[1:])
+
+
+def integrate(increment_rad: Array, matrix: Array, start: Array) -> tuple[Array, Array, Array]:
+    """Return poses (m, 3) after each increment, the headings halfway (m,), and the steps (m, 2) in the world [m]."""
+    body = increment_rad @ matrix.T
+    heading = start[2] + np.cumsum(body[:, 2])
+    half = 0.5 * body[:, 2]
+    middle = heading - half
+    chord = np.sinc(half / np.pi)
+    cosine, sine = chord * np.cos(middle), chord * np.sin(middle)
+    step = np.column_stack((cosine * body[:, 0] - sine * body[:, 1], sine * body[:, 0] + cosine * body[:, 1]))
+    return np.column_stack((start[:2] + np.cumsum(step, axis=0), heading)), middle, step
+
+
+def linearised(window: Window, matrix: Array) -> tuple[Array, Array, Array]:
+    """Return residuals (k, 3) pose minus path, and the path's slope by matrix (k, 3, 6 w) and start pose (k, 3, 3)."""
+    u, row = window.increment_rad, window.row
+    path, middle, step = integrate(u, matrix, window.start)
+    firsts = np.concatenate(([0], row[:-1] + 1))
+
+    def summed(columns: Array) -> Array:
+        return np.asarray(np.cumsum(np.add.reduceat(columns[: row[-1] + 1], firsts, axis=0), axis=0))
+
+    half_way = np.cumsum(u, axis=0) - 0.5 * u
+    ahead, aside = summed(np.cos(middle)[:, None] * u), summed(np.sin(middle)[:, None] * u)
+    turn = summed(u)
+    slope = np.zeros((len(row), 3, 3, u.shape[1]))
+    slope[:, 0, 0], slope[:, 0, 1], slope[:, 0, 2] = ahead, -aside, summed(-step[:, 1:] * half_way)
+    slope[:, 1, 0], slope[:, 1, 1], slope[:, 1, 2] = aside, ahead, summed(step[:, :1] * half_way)
+    slope[:, 2, 2] = turn
+    start = np.tile(np.eye(3), (len(row), 1, 1))
+    moved = path[row, :2] - window.start[:2]
+    start[:, 0, 2], start[:, 1, 2] = -moved[:, 1], moved[:, 0]
+    return window.pose - path[row], slope.reshape(len(row), 3, -1), start
+
+
+def groups_of(runs: Sequence[Run]) -> tuple[str, ...]:
+    """Return the groups in the order in which they come."""
+    return tuple(dict.fromkeys(run.group for run in runs))
