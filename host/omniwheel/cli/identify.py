@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omni_schema import Robot as RobotFile
-from omniwheel.cli import identify_logs
+from omniwheel.cli import identify_geometry, identify_logs
 from omniwheel.cli.common import (
     JsonOption,
     LinkOption,
@@ -41,6 +41,7 @@ app = typer.Typer(
     help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True
 )
 
+app.command("geometry", epilog=identify_geometry.EXAMPLES)(identify_geometry.identify_geometry)
 app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 
 RobotOption = Annotated[

@@ -11,7 +11,7 @@ import numpy as np
 from omni_schema.errors import did_you_mean
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, Mask, Truth, WheelLog
-from omniwheel.logs.mapping import Mapping
+from omniwheel.logs.mapping import Mapping, TruthColumns
 from omniwheel.logs.spikes import reject_spikes
 from omniwheel.logs.wraps import counter_steps, signed_steps, unwrapped_clock
 from omniwheel.moved import moved
@@ -70,10 +70,16 @@ class ImportSummary:
     outlier_share: tuple[float, ...]
 
 
-def read_columns(path: Path, delimiter: str) -> dict[str, Array]:
-    """Return the columns of a CSV file with a heading line; LogError where a cell is no number."""
-    hint = "give a CSV file with a heading line, with a number in every cell; set log.delimiter in the column mapping"
-    columns = read_table(path, TableFormat(LogError, hint, delimiter=delimiter)).columns
+def read_columns(path: Path, delimiter: str, header: tuple[str, ...] = ()) -> dict[str, Array]:
+    """Return the columns of a CSV file; ``header`` names them where it has no header line.
+
+    Raises LogError where a cell is no number.
+    """
+    hint = (
+        "give a CSV file with a number in every cell; in the column mapping, log.delimiter is the sign between "
+        "cells, and log.header names the columns of a file without a header line"
+    )
+    columns = read_table(path, TableFormat(LogError, hint, needed=header, delimiter=delimiter)).columns
     if not len(next(iter(columns.values()))):
         raise LogError(f"{path} holds no rows", hint=hint)
     return columns
@@ -98,19 +104,24 @@ def read_truth(path: Path, mapping: Mapping) -> tuple[Truth, int]:
     wanted = mapping.truth
     if wanted is None:
         raise LogError(f"{mapping.source} has no [truth]", hint="say which columns hold time, x and y")
-    columns = read_columns(path, mapping.delimiter)
+    return _truth_of(path, read_columns(path, mapping.delimiter), wanted, mapping, same_clock=False)
+
+
+def _truth_of(
+    path: Path, columns: dict[str, Array], wanted: TruthColumns, mapping: Mapping, *, same_clock: bool
+) -> tuple[Truth, int]:
     time = unwrapped_clock(_column(path, columns, wanted.time, mapping) * wanted.time_unit)
     xy = np.stack([_column(path, columns, name, mapping) * wanted.unit for name in (wanted.x, wanted.y)], axis=1)
     theta = np.full(len(time), np.nan)
     if wanted.theta:
         theta = _column(path, columns, wanted.theta, mapping) * wanted.theta_unit
     rises = _rising(path, time)
-    return Truth(time[rises], xy[rises], theta[rises]), int(np.sum(~rises))
+    return Truth(time[rises], xy[rises], theta[rises], same_clock=same_clock), int(np.sum(~rises))
 
 
 def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportSummary]:
     """Read a CSV log (and its truth) and reject its spikes. Raises LogError that names file, row and column."""
-    columns = read_columns(path, mapping.delimiter)
+    columns = read_columns(path, mapping.delimiter, mapping.header)
     time = unwrapped_clock(_column(path, columns, mapping.time, mapping) * mapping.time_unit)
     keep = _rising(path, time)
     wheels = np.stack([_column(path, columns, name, mapping) for name in mapping.wheels], axis=1)[keep]
@@ -133,7 +144,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         driven = np.any(duty != 0.0, axis=1) if mapping.duty else np.ones(len(duty), dtype=bool)
         heading[frozen_rows(raw_heading, time[keep], driven, mapping.period_s)] = np.nan
     counts = _counts(path, wheels, step, mapping) * np.array(mapping.wheel_sign)
-    known_truth, truth_dropped = (None, 0) if truth is None else read_truth(truth, mapping)
+    known_truth, truth_dropped = _truth(path, columns, mapping, truth)
     log = WheelLog(
         name=path.stem,
         period_s=mapping.period_s,
@@ -194,6 +205,15 @@ def _require_few_spikes(path: Path, good: Mask, mapping: Mapping) -> None:
             hint=f"correct counts_per_revolution or the unit of [wheels], or max_rad_s and threshold of [spikes], in "
             f"{mapping.source}",
         )
+
+
+def _truth(path: Path, columns: dict[str, Array], mapping: Mapping, truth: Path | None) -> tuple[Truth | None, int]:
+    """Return the truth of a file of its own, else of the log itself where the mapping says that it is there."""
+    if truth is not None:
+        return read_truth(truth, mapping)
+    if mapping.truth is not None and mapping.truth.in_log:
+        return _truth_of(path, columns, mapping.truth, mapping, same_clock=True)
+    return None, 0
 
 
 def frozen_columns(columns: dict[str, Array], time_s: Array) -> tuple[Frozen, ...]:
@@ -259,9 +279,9 @@ def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
     sampled = mapping.sample_s > 0.0
     steps = 1.0 if sampled else np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
     if mapping.quantity == "counts":
-        return counter_steps(wheels)
+        return counter_steps(wheels) * mapping.wheel_unit
     if mapping.quantity == "increment":
-        return signed_steps(wheels)
+        return signed_steps(wheels) * mapping.wheel_unit
     rad_per_count = 2.0 * np.pi / mapping.counts_per_revolution
     exact = wheels * mapping.wheel_unit * (mapping.sample_s if sampled else mapping.period_s) / rad_per_count
     whole = np.round(exact)

@@ -3,15 +3,17 @@
 
 ::
 
-    [log]                       name, delimiter = ",", period_s
+    [log]                       name, delimiter = ",", period_s,
+                                header = ["time", ...]                    (only for files without a header line)
     [log.time]                  column, unit = "s" | "ms" | "us"
-    [wheels]                    columns, quantity = "speed" | "increment" | "counts", unit = "rad/s" | "rpm" | "counts",
+    [wheels]                    columns, quantity = "speed" | "increment" | "counts", unit = "rad/s" | "rpm" | "counts" | "turns",
                                 sign = [1, 1, 1], counts_per_revolution,
                                 sample_s, noise_rad_s                     (optional)
     [duty]                      columns, full_scale, sign                     (optional)
     [heading]                   column, unit = "rad" | "deg", sign            (optional)
     [spikes]                    window_s, threshold, max_rad_s                (optional)
-    [truth]                     time, x, y, theta = "", unit = "m" | "mm", time_unit, theta_unit   (optional)
+    [truth]                     time, x, y, theta = "", unit = "m" | "mm", time_unit, theta_unit,
+                                in_log = false: true where these columns are in the log itself     (optional)
 """
 
 from __future__ import annotations
@@ -31,9 +33,10 @@ ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0}
 LENGTH_UNITS = {"m": 1.0, "mm": 1e-3}
 WHEEL_UNITS = {
     "speed": {"rad/s": 1.0, "rpm": 2.0 * math.pi / 60.0},
-    "increment": {"counts": 1.0},
-    "counts": {"counts": 1.0},
+    "increment": {"counts": 1.0, "turns": 0.0},
+    "counts": {"counts": 1.0, "turns": 0.0},
 }
+"""Factors to SI or to counts; 0 stands for counts_per_revolution."""
 
 
 SAMPLE_THRESHOLD = 4.0
@@ -55,7 +58,10 @@ class Spikes:
 
 @dataclass(frozen=True)
 class TruthColumns:
-    """Columns of a truth file and what one unit of each is in s, m and rad; no ``theta`` column if it is ""."""
+    """Columns of a truth file and what one unit of each is in s, m and rad; no ``theta`` column if it is "".
+
+    ``in_log``: the log itself has these columns, and its clock is theirs.
+    """
 
     time: str
     x: str
@@ -64,6 +70,7 @@ class TruthColumns:
     time_unit: float
     unit: float
     theta_unit: float
+    in_log: bool = False
 
 
 @dataclass(frozen=True)
@@ -72,11 +79,13 @@ class Mapping:
 
     ``sample_s`` [s]: a count is the difference of the angle over this time before its row; 0: since the row before.
     ``noise_rad_s``: standard deviation of a wheel's speed from one count, white; 0: not known.
+    ``header``: names of the columns of a log without a header line; empty where it has one.
     """
 
     source: str
     name: str
     delimiter: str
+    header: tuple[str, ...]
     period_s: float
     time: str
     time_unit: float
@@ -152,6 +161,20 @@ class _Section:
             raise self.error(key, f"is {value!r}; 3 or 4 different column names are needed, one per wheel")
         return tuple(value)
 
+    def header(self, key: str) -> tuple[str, ...]:
+        value = self.take(key, [])
+        if not isinstance(value, list) or not all(isinstance(item, str) and item for item in value):
+            raise self.error(key, f"is {value!r}; a list of column names is needed")
+        if len(set(value)) != len(value) or len(value) == 1:
+            raise self.error(key, f"is {value!r}; two or more different names are needed")
+        return tuple(value)
+
+    def flag(self, key: str) -> bool:
+        value = self.take(key, False)
+        if not isinstance(value, bool):
+            raise self.error(key, f"is {value!r}; true or false is needed")
+        return value
+
     def signs(self, key: str, length: int) -> tuple[int, ...]:
         value = self.take(key, [1] * length)
         if not isinstance(value, list) or len(value) != length or any(item not in (-1, 1) for item in value):
@@ -176,6 +199,8 @@ def read_mapping(path: Path) -> Mapping:
     quantity = wheels.text("quantity")
     if quantity not in WHEEL_UNITS:
         raise wheels.error("quantity", f"is {quantity!r}; allowed are {', '.join(WHEEL_UNITS)}")
+    wheel_unit = wheels.unit("unit", WHEEL_UNITS[quantity])
+    counts_per_revolution = wheels.whole("counts_per_revolution")
     period_s = log.number("period_s")
     sample_s = _sample_s(wheels, quantity, period_s)
     duty, duty_full_scale, duty_sign = _duty(source, document.pop("duty", None), len(columns))
@@ -184,14 +209,15 @@ def read_mapping(path: Path) -> Mapping:
         source=source,
         name=log.text("name"),
         delimiter=log.sign("delimiter", ","),
+        header=log.header("header"),
         period_s=period_s,
         time=time.text("column"),
         time_unit=time.unit("unit", TIME_UNITS, "s"),
         wheels=columns,
         quantity=quantity,
-        wheel_unit=wheels.unit("unit", WHEEL_UNITS[quantity]),
+        wheel_unit=wheel_unit or float(counts_per_revolution),
         wheel_sign=wheels.signs("sign", len(columns)),
-        counts_per_revolution=wheels.whole("counts_per_revolution"),
+        counts_per_revolution=counts_per_revolution,
         sample_s=sample_s,
         noise_rad_s=wheels.number("noise_rad_s", 0.0),
         duty=duty,
@@ -268,6 +294,7 @@ def _truth(source: str, table: object) -> TruthColumns | None:
         time_unit=section.unit("time_unit", TIME_UNITS, "s"),
         unit=section.unit("unit", LENGTH_UNITS, "m"),
         theta_unit=section.unit("theta_unit", ANGLE_UNITS, "rad"),
+        in_log=section.flag("in_log"),
     )
     section.done()
     return found

@@ -27,6 +27,7 @@ LEAST_SD = np.array([5e-4, 5e-4, 5e-4])
 START_SD = np.array([2e-3, 2e-3, 3e-3])
 """Standard deviation of a measured start pose [m, m, rad]."""
 LEAST_CLUSTERS = 10
+"""Runs that intervals clustered by runs need."""
 HUBER = 2.0
 """Windows with residuals above this many times the median's are weighted down."""
 
@@ -179,7 +180,7 @@ def estimate(fit: Fit, quadratics: Quadratics, layout: WheelModel) -> Estimate:
     wider = np.sqrt(np.maximum(1.0, np.diag(clustered) / np.maximum(np.diag(own), 1e-30)))
     covariance = own * np.outer(wider, wider)
     values = layout.nominal + _separated(layout) @ (fit.values - layout.nominal)
-    shown = [index for index in free if np.diag(own)[index] > 0.0]
+    shown = [index for index in free if own[index, index] > (1e-6 * layout.prior_sd[index]) ** 2]
     names = tuple(layout.names[index] for index in shown)
     return Estimate(names, values[shown], covariance[np.ix_(shown, shown)], float(max(1, count - 1)))
 
