@@ -21,7 +21,7 @@ SMOOTHING_S = 0.08
 """Standard deviation of the Gaussian that smooths both velocities."""
 GRID_S = 0.04
 COARSE_S = 0.05
-STIFFNESS = 1.0
+STIFFNESS = 30.0
 """Weight of a bend of the lag, relative to the mean information of a knot."""
 ARM_M = 0.2
 """Turn rates count as the speed of a point at this distance."""

@@ -108,8 +108,7 @@ def fit_quadratics(
     curvature, gradient = quadratics.of_runs(runs)
     free = layout.free(model, held)
     nominal = layout.nominal
-    loose = np.array([model.looseness if kind in ("angle", "lever", "direction") else 1.0 for kind in layout.kinds])
-    prior = 1.0 / (layout.prior_sd[free] * loose[free]) ** 2
+    prior = 1.0 / layout.prior_sd[free] ** 2
     values = np.where(free, start, nominal)
     for _ in range(MAX_STEPS):
         slope = layout.slope(values)[:, free]

@@ -45,11 +45,10 @@ UNITS = {
 
 @dataclass(frozen=True)
 class Model:
-    """Which kinds of parameters are free, and a factor on the prior standard deviations of the deviations."""
+    """Which kinds of parameters are free."""
 
     name: str
     kinds: tuple[str, ...]
-    looseness: float = 1.0
 
 
 MODELS = (
@@ -112,7 +111,7 @@ class WheelModel:
             "tracked_heading": 0.1,
             "angle": 0.02,
             "lever": 0.03 * self.distance_m,
-            "direction": 0.01,
+            "direction": 0.03,
         }
         return np.array([sd[kind] for kind in self.kinds])
 

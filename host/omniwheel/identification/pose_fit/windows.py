@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, WheelLog
 
-WINDOW_S = 12.0
+WINDOW_S = 30.0
 """Long enough for errors of heading to become errors of position, short enough that many are independent."""
 POSES_PER_WINDOW = 20
 LEAST_POSES = 2
