@@ -20,7 +20,7 @@ from omniwheel.identification.pose_fit.excitation import Refusal, not_shown, one
 from omniwheel.identification.pose_fit.scores import Score, score
 from omniwheel.identification.pose_fit.solve import Fit, Quadratics, estimate, fit_quadratics, fit_windows
 from omniwheel.identification.pose_fit.wheel_model import MODELS, Array, Model, WheelModel
-from omniwheel.identification.pose_fit.windows import WINDOW_S, Run, Window, cut, groups_of
+from omniwheel.identification.pose_fit.windows import Run, Window, cut, groups_of, window_length_s
 
 LEAST_GROUPS = 2
 """Groups without which nothing can be left out."""
@@ -60,7 +60,7 @@ class GeometryStudy:
     clocks: tuple[Clock, ...]
 
 
-def identify_geometry(runs: Sequence[Run], layout: WheelModel, window_s: float = WINDOW_S) -> GeometryStudy:
+def identify_geometry(runs: Sequence[Run], layout: WheelModel) -> GeometryStudy:
     """Identify geometry from runs with poses, and score it on each group of runs with what the others say.
 
     Raises LogError where the runs show no radius at all, or contradict their poses.
@@ -69,6 +69,7 @@ def identify_geometry(runs: Sequence[Run], layout: WheelModel, window_s: float =
         if run.wheels != layout.wheels:
             raise LogError(f"{run.name} has {run.wheels} wheels; the robot file has {layout.wheels}")
     nominal = layout.matrix(layout.nominal)
+    window_s = window_length_s(runs)
     clocks = [measure_clock(run, nominal) for run in runs]
     windows = [
         window

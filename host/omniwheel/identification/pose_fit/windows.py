@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, WheelLog
 
-WINDOW_S = 30.0
-"""Long enough for errors of heading to become errors of position, short enough that many are independent."""
+WINDOWS_S = (6.0, 30.0)
+"""Shortest and longest window: errors of heading become errors of position in a long one, short ones are many."""
+WINDOWS = 40
+"""Windows that all runs together are cut into, as far as their length allows."""
 POSES_PER_WINDOW = 20
 LEAST_POSES = 2
 
@@ -82,7 +84,13 @@ def run_of(log: WheelLog, group: str) -> Run:
     )
 
 
-def cut(run: Run, number: int, truth_on_log_s: Array, window_s: float = WINDOW_S) -> list[Window]:
+def window_length_s(runs: Sequence[Run]) -> float:
+    """Return the length of the windows into which these runs are cut [s]."""
+    total_s = sum(float(run.truth_s[-1] - run.truth_s[0]) for run in runs)
+    return min(max(total_s / WINDOWS, WINDOWS_S[0]), WINDOWS_S[1])
+
+
+def cut(run: Run, number: int, truth_on_log_s: Array, window_s: float = WINDOWS_S[1]) -> list[Window]:
     """Cut a run whose poses were measured at ``truth_on_log_s`` (m,) of the log's clock; ``number`` names the run."""
     usable = np.flatnonzero((truth_on_log_s >= run.time_s[0]) & (truth_on_log_s <= run.time_s[-1]))
     if len(usable) < LEAST_POSES:
