@@ -122,7 +122,9 @@ def test_wrong_options_are_refused_before_anything_is_fitted(folder: Path, tmp_p
     omni("identify", "geometry", *logs, *used, "--truth", logs[0], code=2)
     omni("identify", "geometry", *logs, *used, "--out", tmp_path / "missing" / "out.toml", code=2)
     plain = tmp_path / "plain.toml"
-    plain.write_text((folder / "counts.toml").read_text(encoding="utf-8").replace("in_log = true", ""), encoding="utf-8")
+    plain.write_text(
+        (folder / "counts.toml").read_text(encoding="utf-8").replace("in_log = true", ""), encoding="utf-8"
+    )
     text = omni("identify", "geometry", *logs, "--mapping", plain, "--robot", folder / "robot.toml", code=1)
     assert "truth" in text
 

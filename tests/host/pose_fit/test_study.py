@@ -13,7 +13,7 @@ from omniwheel.identification.pose_fit.clock import measure_clock
 from omniwheel.identification.pose_fit.study import identify_geometry
 from omniwheel.identification.pose_fit.wheel_model import PLANT, WheelModel
 from omniwheel.identification.pose_fit.windows import run_of
-from tests.host.pose_fit.robots import FOUR, THREE, Motion, drive, runs, true_values
+from tests.host.pose_fit.robots import FOUR, NOISE, THREE, Motion, drive, runs, true_values
 
 
 @pytest.mark.parametrize("layout", [THREE, FOUR], ids=["three", "four"])
@@ -32,7 +32,8 @@ def test_a_known_robot_is_found_within_the_intervals(layout: WheelModel) -> None
     assert study.whole.refused == ()
     for run in study.held_out:
         assert run.identified.largest_m < 0.25 * run.nominal.largest_m
-        assert run.identified.heading_rad < 0.25 * run.nominal.heading_rad
+        assert run.identified.heading_rad < run.nominal.heading_rad
+        assert run.identified.heading_rad < 6.0 * NOISE[2]
 
 
 def test_a_radius_by_direction_is_chosen_where_the_wheels_have_one_and_only_there() -> None:
@@ -75,9 +76,7 @@ def test_start_and_end_poses_alone_show_radii_and_distance() -> None:
     for seed in range(16):
         log = drive(THREE, truth, seed, duration_s=12.0)
         poses = log.require_truth()
-        ends = replace(
-            poses, time_s=poses.time_s[[0, -1]], xy=poses.xy[[0, -1]], theta=np.unwrap(poses.theta)[[0, -1]]
-        )
+        ends = replace(poses, time_s=poses.time_s[[0, -1]], xy=poses.xy[[0, -1]], theta=np.unwrap(poses.theta)[[0, -1]])
         logs.append(run_of(replace(log, truth=ends), f"group {seed % 4}"))
     study = identify_geometry(logs, THREE)
     known = dict(zip(THREE.names, truth, strict=True))

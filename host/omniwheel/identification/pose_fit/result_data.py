@@ -43,7 +43,9 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
         "models_without_each_group": dict(zip(study.groups, (model.name for model in study.models), strict=False)),
         "held_out": {
             kind: {
-                **{name: vars(summary([of(run) for run in study.held_out], _field(key))) for key, name in _JSON.items()},
+                **{
+                    name: vars(summary([of(run) for run in study.held_out], _field(key))) for key, name in _JSON.items()
+                },
                 "per_metre": vars(summary([of(run) for run in study.held_out], lambda run: run.per_metre)),
             }
             for kind, (of, _) in KINDS.items()
@@ -51,7 +53,11 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
         if study.held_out
         else {},
         "per_run": [
-            {"name": run.nominal.name, "group": run.nominal.group, **{k: _score(of(run)) for k, (of, _) in KINDS.items()}}
+            {
+                "name": run.nominal.name,
+                "group": run.nominal.group,
+                **{k: _score(of(run)) for k, (of, _) in KINDS.items()},
+            }
             for run in study.held_out
         ],
         "clocks": {

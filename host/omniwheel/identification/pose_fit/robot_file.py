@@ -45,5 +45,8 @@ def changes(study: GeometryStudy) -> Changes:
     }
     if "wheel_distance_m" in plain.names:
         width = plain.half_width("wheel_distance_m")
-        found["geometry.wheel_distance_m"] = (float(values["wheel_distance_m"]), f"identified from poses, ± {width:.2g}")
+        found["geometry.wheel_distance_m"] = (
+            float(values["wheel_distance_m"]),
+            f"identified from poses, ± {width:.2g}",
+        )
     return found

@@ -102,7 +102,12 @@ def linearise(windows: Sequence[Window], matrix: Array, sd: Array) -> tuple[Quad
 
 
 def fit_quadratics(
-    quadratics: Quadratics, runs: Sequence[int], layout: WheelModel, model: Model, start: Array, held: Sequence[str] = ()
+    quadratics: Quadratics,
+    runs: Sequence[int],
+    layout: WheelModel,
+    model: Model,
+    start: Array,
+    held: Sequence[str] = (),
 ) -> Fit:
     """Fit a model to the quadratics of some runs by Gauss-Newton from ``start`` (p,)."""
     curvature, gradient = quadratics.of_runs(runs)

@@ -114,7 +114,12 @@ def _identify(runs: Sequence[Run], windows: Sequence[Window], chosen: Sequence[i
         fit, last, _ = fit_windows(used, layout, model, held_directions, plain.values)
         refused += one_way if "direction" in model.kinds else []
     return Geometry(
-        estimate(plain, quadratics, layout), estimate(fit, last, layout), model, fit.matrix, plain.matrix, tuple(refused)
+        estimate(plain, quadratics, layout),
+        estimate(fit, last, layout),
+        model,
+        fit.matrix,
+        plain.matrix,
+        tuple(refused),
     )
 
 
@@ -133,9 +138,8 @@ def _plain(runs: Sequence[Run], windows: Sequence[Window], layout: WheelModel) -
         kind = layout.kinds[layout.names.index(worst)]
         refused.append(not_shown(worst, kind, found.half_width(worst), runs))
         if not any(name.endswith("radius_m") for name in found.names if name != worst):
-            raise LogError(
-                f"these runs show no wheel radius: {refused[0].name} has a {refused[0].why}", hint=refused[0].motion
-            )
+            shown = next(refusal for refusal in refused if refusal.name.endswith("radius_m"))
+            raise LogError(f"these runs show no wheel radius: {shown.name} has a {shown.why}", hint=shown.motion)
 
 
 def choose_model(

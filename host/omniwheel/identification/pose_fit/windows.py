@@ -79,9 +79,7 @@ def run_of(log: WheelLog, group: str) -> Run:
     angle[0] = 0.0  # what the wheels rolled before the first row
     increments = np.concatenate((np.maximum(angle, 0.0), np.minimum(angle, 0.0)), axis=1)
     pose = np.column_stack((truth.xy[known], np.unwrap(truth.theta[known])))
-    return Run(
-        log.name, group, log.time_s, np.cumsum(increments, axis=0), truth.time_s[known], pose, truth.same_clock
-    )
+    return Run(log.name, group, log.time_s, np.cumsum(increments, axis=0), truth.time_s[known], pose, truth.same_clock)
 
 
 def window_length_s(runs: Sequence[Run]) -> float:
