@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 EXAMPLES = examples(
     "omni identify geometry run1.npz run2.npz run3.npz --robot mine.toml --out identified.toml",
     "omni identify geometry day1/*.csv day2/*.csv --mapping mapping.toml --robot mine.toml",
-    "omni identify geometry run1.csv run2.csv --truth truth1.csv --truth truth2.csv --mapping mapping.toml -r mine.toml",
+    "omni identify geometry run1.csv run2.csv --truth t1.csv --truth t2.csv --mapping mapping.toml -r mine.toml",
 )
 MOST_GROUPS = 10
 
