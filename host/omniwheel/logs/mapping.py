@@ -6,8 +6,8 @@
     [log]                       name, delimiter = ",", period_s,
                                 header = ["time", ...]                    (only for files without a header line)
     [log.time]                  column, unit = "s" | "ms" | "us"
-    [wheels]                    columns, quantity = "speed" | "increment" | "counts", unit = "rad/s" | "rpm" | "counts" | "turns",
-                                sign = [1, 1, 1], counts_per_revolution,
+    [wheels]                    columns, quantity = "speed" | "increment" | "counts",
+                                unit = "rad/s" | "rpm" | "counts" | "turns", sign = [1, 1, 1], counts_per_revolution,
                                 sample_s, noise_rad_s                     (optional)
     [duty]                      columns, full_scale, sign                     (optional)
     [heading]                   column, unit = "rad" | "deg", sign            (optional)

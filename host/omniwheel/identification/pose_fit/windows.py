@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,10 +97,7 @@ def cut(run: Run, number: int, truth_on_log_s: Array, window_s: float = WINDOWS_
     times = truth_on_log_s[usable]
     parts = max(1, round((times[-1] - times[0]) / window_s))
     edges = np.unique(np.searchsorted(times, np.linspace(times[0], times[-1], parts + 1)))
-    return [
-        _window(run, number, usable, times, int(first), int(last))
-        for first, last in zip(edges[:-1], edges[1:], strict=True)
-    ]
+    return [_window(run, number, usable, times, int(first), int(last)) for first, last in pairwise(edges)]
 
 
 def _window(run: Run, number: int, usable: NDArray[np.int64], times: Array, first: int, last: int) -> Window:
