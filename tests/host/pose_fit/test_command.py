@@ -88,6 +88,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.full
 def test_counts_and_poses_suffice(folder: Path, tmp_path: Path) -> None:
     logs = sorted(folder.glob("day*/*.csv"))
     out = tmp_path / "found.toml"
@@ -109,6 +110,7 @@ def test_counts_and_poses_suffice(folder: Path, tmp_path: Path) -> None:
     assert found["WHEEL_DIST"] == pytest.approx(truth["wheel_distance_m"], rel=5e-3)
 
 
+@pytest.mark.full
 def test_the_text_names_before_and_after_and_the_split(folder: Path) -> None:
     logs = sorted(folder.glob("day0/*.csv"))
     text = omni("identify", "geometry", *logs, "--mapping", folder / "counts.toml", "--robot", folder / "robot.toml")
@@ -125,7 +127,7 @@ def test_wrong_options_are_refused_before_anything_is_fitted(folder: Path, tmp_p
     plain.write_text(
         (folder / "counts.toml").read_text(encoding="utf-8").replace("in_log = true", ""), encoding="utf-8"
     )
-    text = omni("identify", "geometry", *logs, "--mapping", plain, "--robot", folder / "robot.toml", code=1)
+    text = omni("identify", "geometry", *logs, "--mapping", plain, "--robot", folder / "robot.toml", code=2)
     assert "truth" in text
 
 

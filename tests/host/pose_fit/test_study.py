@@ -15,6 +15,8 @@ from omniwheel.identification.pose_fit.wheel_model import PLANT, WheelModel
 from omniwheel.identification.pose_fit.windows import run_of
 from tests.host.pose_fit.robots import FOUR, NOISE, THREE, Motion, drive, runs, true_values
 
+pytestmark = pytest.mark.full
+
 
 @pytest.mark.parametrize("layout", [THREE, FOUR], ids=["three", "four"])
 def test_a_known_robot_is_found_within_the_intervals(layout: WheelModel) -> None:
