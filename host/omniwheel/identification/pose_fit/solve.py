@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from omniwheel.errors import LogError
 from omniwheel.identification.estimate import Estimate
@@ -66,7 +67,7 @@ class Fit:
     model: Model
     values: Array
     covariance: Array
-    free: Array
+    free: NDArray[np.bool_]
     matrix: Array
 
 

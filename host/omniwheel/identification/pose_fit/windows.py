@@ -45,7 +45,7 @@ class Run:
     @property
     def wheels(self) -> int:
         """Number of wheels."""
-        return self.rolled_rad.shape[1] // 2
+        return int(self.rolled_rad.shape[1]) // 2
 
 
 @dataclass(frozen=True)
