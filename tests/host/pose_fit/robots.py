@@ -39,7 +39,7 @@ def twists(motion: Motion, seed: int, duration_s: float) -> Array:
     waves = [np.sin(rate * time + start) for rate, start in zip((0.9, 1.3, 0.55), phase, strict=True)]
     turn = motion.turn * (0.6 + 0.4 * waves[2] if motion.one_way else waves[2])
     ramp = np.minimum(1.0, np.minimum(time, time[-1] - time) / 1.0)[:, None]
-    return np.column_stack((motion.speed[0] * waves[0], motion.speed[1] * waves[1], turn)) * ramp
+    return np.asarray(np.column_stack((motion.speed[0] * waves[0], motion.speed[1] * waves[1], turn)) * ramp)
 
 
 def true_values(layout: WheelModel, seed: int, direction: float = 0.0) -> Array:
@@ -88,7 +88,7 @@ def drive(
         )
     )
     pose = np.column_stack((np.cumsum(steps * chord[:, None], axis=0), heading))
-    time = PERIOD_S * np.arange(len(twist))
+    time = PERIOD_S * np.arange(len(twist), dtype=np.float64)
     noisy = pose + random.normal(0.0, NOISE, pose.shape)
     truth_s = time + lag[0] + lag[1] * time
     return WheelLog(
