@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
-from omniwheel.cli.log_options import MappingOption, RobotOption
+from omniwheel.cli.log_options import MappingOption, RobotFileOption, RobotOption, TruthsOption
 from omniwheel.limits import LOG_KINDS
 from omniwheel.robots import read_robot
 
@@ -42,15 +42,7 @@ def identify_geometry(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG...", help=f"{LOG_KINDS}; with poses.")],
     robot: RobotOption,
     mapping: MappingOption = None,
-    truth: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--truth",
-            metavar="FILE",
-            help="Measured poses of a LOG.csv: once per log, in the same order. Default: those in the logs.",
-            show_default=False,
-        ),
-    ] = None,
+    truth: TruthsOption = None,
     leave_out: Annotated[
         LeaveOut | None,
         typer.Option(
@@ -59,15 +51,12 @@ def identify_geometry(
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", metavar="ROBOT.toml", help="Robot file to write, a copy of --robot.", show_default=False),
-    ] = None,
+    out: RobotFileOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Identify odometry geometry from encoder counts and measured poses; no IMU and no motor duties are needed.
 
-    Fits the integrated pose. Groups of runs are left out in turn; dead reckoning of these runs is the figure to trust.
+    The poses are in the logs (truth.in_log in the column mapping) or in --truth files. Fits the integrated pose. Groups of runs are left out in turn; dead reckoning of these runs is the figure to trust.
     """
     from omniwheel.identification.pose_fit.result_data import study_data
     from omniwheel.identification.pose_fit.robot_file import write_geometry

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
-from omniwheel.cli.log_options import RobotOption
+from omniwheel.cli.log_options import RobotFileOption, RobotOption
 from omniwheel.cli.old_options import with_old_key
 from omniwheel.files import write_text
 from omniwheel.robots import read_robot
@@ -30,7 +30,7 @@ PAGE_FILE, PICTURE_FILE = "identification.md", "identification.png"
 def identify_logs(
     logs: Annotated[list[Path], typer.Argument(metavar="LOG.npz...", help="Imported logs with truth and heading.")],
     robot: RobotOption,
-    out: Annotated[Path | None, typer.Option("--out", metavar="ROBOT.toml", help="The robot file to write.")] = None,
+    out: RobotFileOption = None,
     turn: Annotated[
         list[Path] | None,
         typer.Option("--turn", metavar="LOG.npz", help="A log that only turns; needs a heading, no truth."),

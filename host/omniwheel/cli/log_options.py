@@ -19,9 +19,15 @@ LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{LOG_KINDS}."
 RobotOption = Annotated[str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot's name or file.")]
 MAPPING = typer.Option("--mapping", metavar="FILE", help="Which column of a CSV file is what.", show_default=False)
 MappingOption = Annotated[Path | None, MAPPING]
-TruthOption = Annotated[
-    Path | None, typer.Option("--truth", metavar="FILE", help="Ground truth of the run.", show_default=False)
-]
+TRUTH = typer.Option(
+    "--truth",
+    metavar="FILE",
+    help="Ground truth of the run; for several logs once per log, in the same order.",
+    show_default=False,
+)
+TruthOption = Annotated[Path | None, TRUTH]
+TruthsOption = Annotated[list[Path] | None, TRUTH]
+RobotFileOption = Annotated[Path | None, typer.Option("--out", metavar="ROBOT.toml", help="The robot file to write.")]
 PartOption = Annotated[
     int | None,
     typer.Option("--part", min=1, metavar="N", help="Part of a telemetry log with restarts in it.", show_default=False),
