@@ -40,6 +40,7 @@ from tests.host.logs import synthetic
 from tests.host.mocap.rendered.lab import SMALL, scene, write_files
 from tests.host.mocap.rendered.scene import View
 from tests.host.mocap.test_latency import headings
+from tests.host.pose_fit.files import files_of_examples
 from tests.host.stepped import patched, robot
 from tests.quick_scenario import QUICK
 
@@ -300,6 +301,7 @@ RULES = (
     Rule("autotune", leave=LINK, during=tuned),
     Rule("experiment wheel-chirp --wheel 1", leave=LINK, during=partial(robot, "stand")),
     Rule("experiment", leave=LINK, during=robot),
+    Rule("identify geometry", during=files_of_examples, new="identified.toml *.npz"),
     Rule("identify logs", new="identified.toml"),
     Rule("identify telemetry", during=CASES["identify telemetry"].during, new="identified.toml mine.toml"),
     Rule("identify live --duration 20", leave=LINK, during=live, new="identified.toml drive.tlog"),
@@ -369,7 +371,7 @@ def words_of(line: str, rule: Rule) -> list[str]:
 
 def expanded(word: str) -> list[str]:
     """Return the files that a pattern stands for, as a shell does."""
-    return sorted(map(str, Path().glob(word))) if "?" in word else [word]
+    return sorted(map(str, Path().glob(word))) if set("?*") & set(word) else [word]
 
 
 def make_camera(folder: Path) -> None:

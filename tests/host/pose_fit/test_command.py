@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,65 +12,16 @@ from typer.testing import CliRunner
 
 from omniwheel.cli import app
 from omniwheel.logs.importer import import_log
-from omniwheel.logs.log import WheelLog
 from omniwheel.logs.mapping import read_mapping
 from omniwheel.robots import read_robot
-from tests.host.pose_fit.robots import COUNTS, PERIOD_S, THREE, drive, true_values
-
-ROBOT = """
-[robot]
-name = "known"
-description = "A robot of the tests"
-
-[geometry]
-wheels = 3
-wheel_radius_m = 0.05
-wheel_distance_m = 0.2
-wheel_angle_deg = [300.0, 60.0, 180.0]
-
-[encoder]
-counts_per_revolution = 10000
-direction = [1, 1, 1]
-
-[motor]
-supply_V = 12.0
-direction = [1, 1, 1]
-
-[wiring]
-in1_channel = [0, 2, 4]
-in2_channel = [1, 3, 5]
-"""
-MAPPING = f"""
-[log]
-name = "known"
-period_s = {PERIOD_S}
-header = ["t", "x", "y", "heading", "n1", "n2", "n3"]
-[log.time]
-column = "t"
-[wheels]
-columns = ["n1", "n2", "n3"]
-quantity = "increment"
-unit = "UNIT"
-counts_per_revolution = {COUNTS}
-[truth]
-time = "t"
-x = "x"
-y = "y"
-theta = "heading"
-in_log = true
-"""
+from tests.host.pose_fit.files import MAPPING, ROBOT, table
+from tests.host.pose_fit.robots import COUNTS, THREE, drive, true_values
 
 
 def omni(*arguments: object, code: int = 0) -> str:
     result = CliRunner().invoke(app, [str(argument) for argument in arguments])
     assert result.exit_code == code, result.output
     return result.output if code else result.stdout
-
-
-def table(log: WheelLog, wheels: np.ndarray[Any, Any]) -> str:
-    truth = log.require_truth()
-    rows = np.column_stack((log.time_s, truth.xy, np.angle(np.exp(1j * truth.theta)), wheels))
-    return "\n".join(",".join(f"{cell:.9g}" for cell in row) for row in rows) + "\n"
 
 
 @pytest.fixture(scope="module")
