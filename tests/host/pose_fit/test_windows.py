@@ -70,7 +70,7 @@ def test_logs_that_cannot_be_used_are_refused_with_the_reason() -> None:
     truth = log.require_truth()
     with pytest.raises(LogError, match="add up"):
         run_of(replace(log, sample_s=0.001), "")
-    with pytest.raises(LogError, match="heading"):
-        run_of(replace(log, truth=replace(truth, theta=np.full(len(truth.time_s), np.nan))), "")
+    with pytest.raises(LogError, match="complete"):
+        run_of(replace(log, truth=replace(truth, xy=np.full((len(truth.time_s), 2), np.nan))), "")
     with pytest.raises(LogError, match="truth"):
         run_of(replace(log, truth=None), "")

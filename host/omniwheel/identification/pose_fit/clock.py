@@ -3,7 +3,7 @@
 
 The truth's clock shows t + lag(t) when the log's shows t. ``lag`` is piecewise linear. Where the robot changes its
 velocity, the difference of the two velocities over the acceleration is the error of the lag. Constant velocity shows
-nothing of a lag and gets it from the neighbouring parts.
+nothing of a lag and gets it from the neighbouring parts. Positions without headings show the speed only.
 """
 
 from __future__ import annotations
@@ -89,9 +89,10 @@ def _mismatch(wheels: Array, poses: tuple[Array, Array], times: Array) -> float:
 
 
 def _wheel_velocity(run: Run, matrix: Array, grid: Array) -> Array:
-    """Body velocity (n, 3) [m/s, m/s, arm m/s] that the wheels tell at times of the log's clock."""
+    """Body velocity (n, 3) [m/s, m/s, arm m/s] by the wheels at times of the log's clock; without headings speed (n, 1)."""
     rolled = np.column_stack([_interpolated_difference(run.time_s, column, grid) for column in run.rolled_rad.T])
-    return _smoothed(rolled @ matrix.T * [1.0, 1.0, ARM_M], grid[1] - grid[0])
+    body = _smoothed(rolled @ matrix.T * [1.0, 1.0, ARM_M], grid[1] - grid[0])
+    return body if run.has_heading else _speed(body)
 
 
 def _interpolated_difference(time_s: Array, values: Array, grid: Array) -> Array:
@@ -100,13 +101,20 @@ def _interpolated_difference(time_s: Array, values: Array, grid: Array) -> Array
 
 
 def _pose_velocity(run: Run) -> tuple[Array, Array]:
-    """Times of the truth's clock, and the body velocity (n, 3) [m/s, m/s, arm m/s] that the poses tell."""
+    """Times of the truth's clock, and the velocity by the poses, with the columns of ``_wheel_velocity``."""
     grid = np.arange(run.truth_s[0], run.truth_s[-1], GRID_S)
     rates = [_interpolated_difference(run.truth_s, column, grid) for column in run.pose.T]
+    if not run.has_heading:
+        return grid, _speed(_smoothed(np.column_stack(rates[:2]), GRID_S))
     heading = np.interp(grid, run.truth_s, run.pose[:, 2])
     cosine, sine = np.cos(heading), np.sin(heading)
     body = (cosine * rates[0] + sine * rates[1], -sine * rates[0] + cosine * rates[1], ARM_M * rates[2])
     return grid, _smoothed(np.column_stack(body), GRID_S)
+
+
+def _speed(velocity: Array) -> Array:
+    """Return the speed (n, 1) of velocities (n, 2 or more)."""
+    return np.asarray(np.hypot(velocity[:, 0], velocity[:, 1])[:, None])
 
 
 def _smoothed(columns: Array, step_s: float) -> Array:

@@ -52,6 +52,13 @@ def not_shown(name: str, kind: str, half_width: float, runs: Sequence[Run]) -> R
     return Refusal(name, f"95 % interval ±{half_width:.2g} {name.rpartition('_')[2]}", motions[kind])
 
 
+def without_heading(runs: Sequence[Run]) -> list[Refusal]:
+    """Return the refusal of the tracked heading where no truth has one: any value of it gives the same positions."""
+    if any(run.has_heading for run in runs):
+        return []
+    return [Refusal("tracked_heading_rad", "the truth has no heading", "measure the heading too, with two markers")]
+
+
 def one_way_wheels(runs: Sequence[Run]) -> list[Refusal]:
     """Return the refusals of the direction parameters of wheels that roll (nearly) one way only."""
     forward, backward = _rolled(runs)
@@ -78,5 +85,7 @@ def _rolled(runs: Sequence[Run]) -> tuple[list[float], list[float]]:
 
 
 def _one_way(runs: Sequence[Run]) -> str:
+    if not all(run.has_heading for run in runs):
+        return ""
     turned = sum(float(np.sum(np.abs(np.diff(run.pose[:, 2])))) for run in runs)
     return f" (the truth turns by {turned:.1f} rad in all)"

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -40,13 +40,14 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
         "runs": len(study.runs),
         "left_out_together": {group: [r.name for r in study.runs if r.group == group] for group in study.groups},
         **_geometry(study.whole),
-        "models_without_each_group": dict(zip(study.groups, (model.name for model in study.models), strict=False)),
+        "models_without_each_group": {group: model.name for group, model in study.models.items()},
+        "unscored_groups": study.unscored,
         "held_out": {
             kind: {
                 **{
-                    name: vars(summary([of(run) for run in study.held_out], _field(key))) for key, name in _JSON.items()
+                    name: _summary([of(run) for run in study.held_out], _field(key)) for key, name in _JSON.items()
                 },
-                "per_metre": vars(summary([of(run) for run in study.held_out], lambda run: run.per_metre)),
+                "per_metre": _summary([of(run) for run in study.held_out], lambda run: run.per_metre),
             }
             for kind, (of, _) in KINDS.items()
         }
@@ -77,9 +78,16 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
 def split_text(study: GeometryStudy) -> str:
     """Return how the runs were split before any fit."""
     if not study.held_out:
-        return "one group of runs only: nothing was left out, so nothing says how well this predicts another run"
-    sizes = [sum(run.group == group for run in study.runs) for group in study.groups]
-    return f"each of {len(sizes)} groups left out in turn, {min(sizes)} to {max(sizes)} runs each"
+        return "nothing was left out, so nothing says how well this predicts another run: " + (
+            "; ".join(study.unscored.values()) or "there is one group of runs only"
+        )
+    sizes = [sum(run.group == group for run in study.runs) for group in study.models]
+    text = f"each of {len(sizes)} groups left out in turn, {min(sizes)} to {max(sizes)} runs each"
+    if not all(run.has_heading for run in study.runs):
+        text += "; start headings fitted, since the truth has none"
+    for group, why in study.unscored.items():
+        text += f"\nnot left out: {group}; of the others, {why}"
+    return text
 
 
 def clock_text(study: GeometryStudy) -> str:
@@ -115,5 +123,14 @@ def _field(name: str) -> Callable[[Score], float]:
     return lambda run: float(getattr(run, name))
 
 
-def _score(run: Score) -> dict[str, float]:
-    return {**{name: _field(key)(run) for key, name in _JSON.items()}, "path_m": run.path_m}
+def _summary(scores: Sequence[Score], measure: Callable[[Score], float]) -> dict[str, float | None]:
+    return {name: known(value) for name, value in vars(summary(scores, measure)).items()}
+
+
+def _score(run: Score) -> dict[str, float | None]:
+    return {**{name: known(_field(key)(run)) for key, name in _JSON.items()}, "path_m": run.path_m}
+
+
+def known(value: float) -> float | None:
+    """Return a number that JSON has: None for what was not measured."""
+    return value if np.isfinite(value) else None

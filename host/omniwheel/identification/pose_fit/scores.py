@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: MIT
-"""Errors of dead reckoning in the measures that papers report: start pose given, no alignment of the rest."""
+"""Errors of dead reckoning in the measures that papers report: start pose given, no alignment of the rest.
+
+Without measured headings the start position is given, and the start heading is the one that fits the run best.
+"""
 
 from __future__ import annotations
 
@@ -10,12 +13,15 @@ import numpy as np
 
 from omniwheel.identification.pose_fit.clock import Clock
 from omniwheel.identification.pose_fit.wheel_model import Array
-from omniwheel.identification.pose_fit.windows import Run, integrate
+from omniwheel.identification.pose_fit.windows import Run, best_turn, integrate
 
 
 @dataclass(frozen=True)
 class Score:
-    """One run's errors: position ``largest_m``, ``rms_m``, ``final_m``; largest wrapped heading error; path length."""
+    """One run's errors: position ``largest_m``, ``rms_m``, ``final_m``; largest wrapped heading error; path length.
+
+    ``heading_rad`` is NaN where headings were not measured.
+    """
 
     name: str
     group: str
@@ -46,8 +52,15 @@ def dead_reckoned(run: Run, matrix: Array, truth_on_log_s: Array) -> tuple[Array
     times, measured = truth_on_log_s[inside], run.pose[inside]
     grid = np.union1d(run.time_s[(run.time_s > times[0]) & (run.time_s < times[-1])], times)
     rolled = np.column_stack([np.interp(grid, run.time_s, column) for column in run.rolled_rad.T])
-    path = np.vstack((measured[:1], integrate(np.diff(rolled, axis=0), matrix, measured[0])[0]))
-    return path[np.searchsorted(grid, times)], measured
+    increments, rows = np.diff(rolled, axis=0), np.searchsorted(grid, times)
+
+    def path(heading: float) -> Array:
+        start = np.array([*measured[0, :2], heading])
+        return np.vstack((start, integrate(increments, matrix, start)[0]))[rows]
+
+    if run.has_heading:
+        return path(float(measured[0, 2])), measured
+    return path(best_turn(path(0.0)[:, :2], measured[:, :2])), measured
 
 
 def score(run: Run, matrix: Array, clock: Clock | None = None) -> Score:
@@ -68,6 +81,9 @@ def score(run: Run, matrix: Array, clock: Clock | None = None) -> Score:
 
 
 def summary(scores: Sequence[Score], measure: Callable[[Score], float]) -> Summary:
-    """Return median, 95th percentile and largest of a measure."""
-    values = np.array([measure(each) for each in scores])
+    """Return median, 95th percentile and largest of a measure over the runs that have it; NaN where none has."""
+    every = np.array([measure(each) for each in scores])
+    values = every[np.isfinite(every)]
+    if not len(values):
+        return Summary(np.nan, np.nan, np.nan)
     return Summary(float(np.median(values)), float(np.percentile(values, 95.0)), float(np.max(values)))

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Least squares on windows: each window becomes a quadratic in the odometry matrix, every model is fitted to their sum.
 
-A window counts as three measurements (x, y, heading), however many poses are in it: those of one window share their
+A window counts as three measurements (x, y, heading; two without headings), however many poses are in it: those of one window share their
 errors. Windows with far larger residuals than the others count less (Huber).
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from omniwheel.errors import LogError
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.pose_fit.wheel_model import Array, Model, WheelModel
-from omniwheel.identification.pose_fit.windows import Window, linearised
+from omniwheel.identification.pose_fit.windows import UNKNOWN_HEADING_SD_RAD, Window, linearised
 
 MAX_ROUNDS = 8
 MAX_STEPS = 30
@@ -27,6 +27,7 @@ RESCALED = 0.01
 LEAST_SD = np.array([5e-4, 5e-4, 5e-4])
 START_SD = np.array([2e-3, 2e-3, 3e-3])
 """Standard deviation of a measured start pose [m, m, rad]."""
+START_SD_POSITIONS = np.array([*START_SD[:2], UNKNOWN_HEADING_SD_RAD])
 LEAST_CLUSTERS = 10
 """Runs that intervals clustered by runs need."""
 HUBER = 2.0
@@ -76,10 +77,11 @@ def linearise(windows: Sequence[Window], matrix: Array, sd: Array) -> tuple[Quad
     size = matrix.size
     count = len(windows)
     curvature, gradient = np.zeros((count, size, size)), np.zeros((count, size))
-    constant, spread = np.zeros(count), np.zeros((count, 3))
-    prior = np.diag(1.0 / START_SD**2)
+    constant, spread, measured = np.zeros(count), np.zeros((count, 3)), np.zeros(count, dtype=bool)
     for index, window in enumerate(windows):
         residual, slope, start = linearised(window, matrix)
+        headings = bool(np.isfinite(window.start[2]))
+        prior = np.diag(1.0 / (START_SD if headings else START_SD_POSITIONS) ** 2)
         scale = 1.0 / (sd * np.sqrt(len(residual)))
         e = (residual * scale).ravel()
         a = (slope * scale[:, None]).reshape(len(e), size)
@@ -89,8 +91,10 @@ def linearise(windows: Sequence[Window], matrix: Array, sd: Array) -> tuple[Quad
         curvature[index], gradient[index] = a.T @ a_left, a.T @ e_left
         constant[index] = e @ e_left
         spread[index] = np.mean(residual**2, axis=0)
+        measured[index] = headings
     weight = _weights(constant)
     every = np.sqrt(np.average(spread, axis=0, weights=weight))
+    every[2] *= np.sqrt(np.sum(weight) / max(np.sum(weight[measured]), 1e-12)) if np.any(measured) else 0.0
     position = np.hypot(every[0], every[1]) / np.sqrt(2.0)
     quadratics = Quadratics(
         matrix,

@@ -8,7 +8,7 @@ more than the standard error of that difference. Clocks are measured with the do
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from omniwheel.errors import LogError
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.pose_fit.clock import Clock, measure_clock
-from omniwheel.identification.pose_fit.excitation import Refusal, not_shown, one_way_wheels, widest
+from omniwheel.identification.pose_fit.excitation import Refusal, not_shown, one_way_wheels, widest, without_heading
 from omniwheel.identification.pose_fit.scores import Score, score
 from omniwheel.identification.pose_fit.solve import Fit, Quadratics, estimate, fit_quadratics, fit_windows
 from omniwheel.identification.pose_fit.wheel_model import MODELS, Array, Model, WheelModel
@@ -24,6 +24,10 @@ from omniwheel.identification.pose_fit.windows import Run, Window, cut, groups_o
 
 LEAST_GROUPS = 2
 """Groups without which nothing can be left out."""
+LARGEST_RESIDUAL = 0.5
+"""Standard deviation of the positions' residuals, as a share of the motion, above which the poses are another robot's."""
+MOVED_M = 0.02
+"""A robot that moves less than this stands still."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +44,13 @@ class Geometry:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """One run that had no part in the fit: its errors with the documented and with the identified geometry."""
+    """One run that had no part in the fit: its errors with the documented and with the identified geometry.
 
+    ``number`` is that of the run in the study, ``matrix`` what the other groups say.
+    """
+
+    number: int
+    matrix: Array
     nominal: Score
     identified: Score
     identified_own_clock: Score
@@ -49,13 +58,17 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class GeometryStudy:
-    """Geometry from all runs, the left-out groups with what the others chose, their scores, and each run's clock."""
+    """Geometry from all runs, the left-out groups with what the others chose, their scores, and each run's clock.
+
+    ``models`` is by left-out group. ``unscored`` are the groups without which the others show too little, and why.
+    """
 
     layout: WheelModel
     runs: tuple[Run, ...]
     whole: Geometry
     groups: tuple[str, ...]
-    models: tuple[Model, ...]
+    models: dict[str, Model]
+    unscored: dict[str, str]
     held_out: tuple[HeldOut, ...]
     clocks: tuple[Clock, ...]
 
@@ -71,29 +84,41 @@ def identify_geometry(runs: Sequence[Run], layout: WheelModel) -> GeometryStudy:
     nominal = layout.matrix(layout.nominal)
     window_s = window_length_s(runs)
     clocks = [measure_clock(run, nominal) for run in runs]
-    windows = [
-        window
-        for number, (run, clock) in enumerate(zip(runs, clocks, strict=True))
-        for window in cut(run, number, clock.on_log(run.truth_s), window_s)
-    ]
+    windows = _windows(runs, dict(enumerate(clocks)), window_s)
     every = range(len(runs))
     whole = _identify(runs, windows, list(every), layout)
     groups = groups_of(runs)
-    models, held_out = [], []
+    models: dict[str, Model] = {}
+    unscored: dict[str, str] = {}
+    held_out: list[HeldOut] = []
     for group in groups if len(groups) >= LEAST_GROUPS else ():
         left_out = [number for number in every if runs[number].group == group]
-        found = _identify(runs, windows, [number for number in every if number not in left_out], layout)
-        models.append(found.model)
+        try:
+            found = _identify(runs, windows, [number for number in every if number not in left_out], layout)
+        except LogError as error:
+            unscored[group] = str(error)
+            continue
+        models[group] = found.model
         for number in left_out:
-            run, clock = runs[number], clocks[number]
-            raw = None if run.same_clock else clock
-            held_out.append(
-                HeldOut(
-                    score(run, nominal, raw), score(run, found.matrix, raw), score(run, found.matrix, clocks[number])
-                )
-            )
+            run = runs[number]
+            clock = clocks[number] if run.has_heading else measure_clock(run, found.matrix)
+            held_out.append(_scored(run, number, clock, nominal, found.matrix))
     final = tuple(measure_clock(run, whole.matrix) for run in runs)
-    return GeometryStudy(layout, tuple(runs), whole, groups, tuple(models), tuple(held_out), final)
+    return GeometryStudy(layout, tuple(runs), whole, groups, models, unscored, tuple(held_out), final)
+
+
+def _windows(runs: Sequence[Run], clocks: Mapping[int, Clock], window_s: float) -> list[Window]:
+    """Cut the runs of these numbers, each on its own clock."""
+    return [
+        window
+        for number, clock in clocks.items()
+        for window in cut(runs[number], number, clock.on_log(runs[number].truth_s), window_s)
+    ]
+
+
+def _scored(run: Run, number: int, clock: Clock, nominal: Array, matrix: Array) -> HeldOut:
+    raw = None if run.same_clock else clock
+    return HeldOut(number, matrix, score(run, nominal, raw), score(run, matrix, raw), score(run, matrix, clock))
 
 
 def _identify(runs: Sequence[Run], windows: Sequence[Window], chosen: Sequence[int], layout: WheelModel) -> Geometry:
@@ -104,6 +129,12 @@ def _identify(runs: Sequence[Run], windows: Sequence[Window], chosen: Sequence[i
         raise LogError(
             "no run has two poses within its log's time", hint="give each log its own truth, on a clock within 5 s"
         )
+    if not any(run.has_heading for run in known):
+        # Clocks were measured by the speed of a marker at the centre, and it may be elsewhere.
+        held = [refusal.name for refusal in without_heading(known)]
+        marked, _, _ = fit_windows(used, layout, MODELS[0], held)
+        clocks = {number: measure_clock(runs[number], marked.matrix) for number in chosen}
+        used = _windows(runs, clocks, window_length_s(runs))
     plain, quadratics, refused = _plain(known, used, layout)
     held = [refusal.name for refusal in refused]
     one_way = one_way_wheels(known)
@@ -123,13 +154,25 @@ def _identify(runs: Sequence[Run], windows: Sequence[Window], chosen: Sequence[i
     )
 
 
+def _require_that_poses_follow(windows: Sequence[Window], sd: Array) -> None:
+    """Raise LogError where the residuals of the fit are about as large as the motion itself."""
+    moved = np.concatenate([window.pose[:, :2] - window.start[:2] for window in windows])
+    if sd[0] > LARGEST_RESIDUAL * float(np.sqrt(np.mean(moved**2))) and sd[0] > MOVED_M:
+        raise LogError(
+            "the poses do not follow the wheels: the fit leaves residuals about as large as the motion",
+            hint="check the wheels' order, bearings and signs, that each truth belongs to its log, and that its y axis "
+            "is 90 degrees counter-clockwise of its x axis",
+        )
+
+
 def _plain(runs: Sequence[Run], windows: Sequence[Window], layout: WheelModel) -> tuple[Fit, Quadratics, list[Refusal]]:
     """Fit the plain geometry; what its intervals do not show keeps its nominal value."""
-    refused: list[Refusal] = []
+    refused = without_heading(runs)
     limits = widest(layout)
     while True:
         held = [refusal.name for refusal in refused]
-        fit, quadratics, _ = fit_windows(windows, layout, MODELS[0], held)
+        fit, quadratics, sd = fit_windows(windows, layout, MODELS[0], held)
+        _require_that_poses_follow(windows, sd)
         found = estimate(fit, quadratics, layout)
         wide = [name for name in found.names if found.half_width(name) > limits[layout.names.index(name)]]
         if not wide:

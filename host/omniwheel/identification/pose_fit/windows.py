@@ -8,7 +8,7 @@ is a nuisance parameter with the standard deviation of the truth, eliminated fro
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -23,6 +23,8 @@ WINDOWS = 40
 """Windows that all runs together are cut into, as far as their length allows."""
 POSES_PER_WINDOW = 20
 LEAST_POSES = 2
+UNKNOWN_HEADING_SD_RAD = np.pi
+"""Standard deviation of the heading at the start of a window whose poses have none."""
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,8 @@ class Run:
     """One log for the fit.
 
     ``time_s`` (n,); ``rolled_rad`` (n, 2 wheels) cumulative wheel angles, forward rolling first; ``truth_s`` (m,) on
-    the truth's clock and ``pose`` (m, 3) [m, m, rad], heading unwrapped. ``group``: runs of one group are left out
-    together.
+    the truth's clock and ``pose`` (m, 3) [m, m, rad], heading unwrapped, or all NaN where the truth has positions only.
+    ``group``: runs of one group are left out together.
     """
 
     name: str
@@ -47,6 +49,11 @@ class Run:
         """Number of wheels."""
         return int(self.rolled_rad.shape[1]) // 2
 
+    @property
+    def has_heading(self) -> bool:
+        """Whether the poses have a heading; else they are the positions of one marker."""
+        return bool(np.isfinite(self.pose[0, 2]))
+
 
 @dataclass(frozen=True)
 class Window:
@@ -60,7 +67,9 @@ class Window:
 
 
 def run_of(log: WheelLog, group: str) -> Run:
-    """Return what the fit needs of a log. Raises LogError where truth or headings are missing.
+    """Return what the fit needs of a log. Raises LogError where the truth is missing.
+
+    A truth without any heading is taken as the positions of one marker.
 
     Every count is used as logged: one that was marked as a spike adds up to the angle like any other.
     """
@@ -70,16 +79,21 @@ def run_of(log: WheelLog, group: str) -> Run:
             f"{log.name}: its counts are samples of a speed and do not add up to an angle",
             hint="identify it with: omni identify logs",
         )
-    known = np.isfinite(truth.theta) & np.all(np.isfinite(truth.xy), axis=1)
+    placed = np.all(np.isfinite(truth.xy), axis=1)
+    known = placed & np.isfinite(truth.theta)
+    headings = bool(np.any(known)) or not np.any(placed)
+    if not headings:
+        known = placed
     if np.sum(known) < LEAST_POSES:
         raise LogError(
-            f"{log.name}: {np.sum(known)} poses of its truth have position and heading; {LEAST_POSES} are needed",
-            hint="map the heading's column with truth.theta in the column mapping",
+            f"{log.name}: {np.sum(known)} poses of its truth are complete; {LEAST_POSES} are needed",
+            hint="correct the columns of [truth] in the column mapping; without truth.theta, positions suffice",
         )
     angle = log.counts * log.rad_per_count
     angle[0] = 0.0  # what the wheels rolled before the first row
     increments = np.concatenate((np.maximum(angle, 0.0), np.minimum(angle, 0.0)), axis=1)
-    pose = np.column_stack((truth.xy[known], np.unwrap(truth.theta[known])))
+    heading = np.unwrap(truth.theta[known]) if headings else np.full(int(np.sum(known)), np.nan)
+    pose = np.column_stack((truth.xy[known], heading))
     return Run(log.name, group, log.time_s, np.cumsum(increments, axis=0), truth.time_s[known], pose, truth.same_clock)
 
 
@@ -122,8 +136,26 @@ def integrate(increment_rad: Array, matrix: Array, start: Array) -> tuple[Array,
     return np.column_stack((start[:2] + np.cumsum(step, axis=0), heading)), middle, step
 
 
+def with_start_heading(window: Window, matrix: Array) -> Window:
+    """Return a window of positions with the start heading that turns its path onto them, by least squares."""
+    path = integrate(window.increment_rad, matrix, np.array([*window.start[:2], 0.0]))[0][window.row, :2]
+    heading = best_turn(np.vstack((window.start[:2], path)), np.vstack((window.start[:2], window.pose[:, :2])))
+    return replace(window, start=np.array([*window.start[:2], heading]))
+
+
+def best_turn(path: Array, measured: Array) -> float:
+    """Return the rotation [rad] that, with a shift, brings the points of a path (k, 2) nearest to the measured ones."""
+    p, q = path - path.mean(axis=0), measured - measured.mean(axis=0)
+    return float(np.arctan2(np.sum(p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]), np.sum(p * q)))
+
+
 def linearised(window: Window, matrix: Array) -> tuple[Array, Array, Array]:
-    """Return residuals (k, 3) pose minus path, and the path's slope by matrix (k, 3, 6 w) and start pose (k, 3, 3)."""
+    """Return residuals (k, 3) pose minus path, and the path's slope by matrix (k, 3, 6 w) and start pose (k, 3, 3).
+
+    Where the poses have no heading, its residuals and slopes are 0.
+    """
+    headings = bool(np.isfinite(window.start[2]))
+    window = window if headings else with_start_heading(window, matrix)
     u, row = window.increment_rad, window.row
     path, middle, step = integrate(u, matrix, window.start)
     firsts = np.concatenate(([0], row[:-1] + 1))
@@ -141,7 +173,10 @@ def linearised(window: Window, matrix: Array) -> tuple[Array, Array, Array]:
     start = np.tile(np.eye(3), (len(row), 1, 1))
     moved = path[row, :2] - window.start[:2]
     start[:, 0, 2], start[:, 1, 2] = -moved[:, 1], moved[:, 0]
-    return window.pose - path[row], slope.reshape(len(row), 3, -1), start
+    residual = window.pose - path[row]
+    if not headings:
+        residual[:, 2], slope[:, 2], start[:, 2] = 0.0, 0.0, 0.0
+    return residual, slope.reshape(len(row), 3, -1), start
 
 
 def groups_of(runs: Sequence[Run]) -> tuple[str, ...]:
