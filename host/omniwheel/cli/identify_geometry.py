@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from enum import Enum
 from pathlib import Path
@@ -14,6 +15,7 @@ from rich.table import Table
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.log_options import MappingOption, RobotFileOption, RobotOption, TruthsOption
+from omniwheel.cli.options import PLOT
 from omniwheel.limits import LOG_KINDS
 from omniwheel.robots import read_robot
 
@@ -25,10 +27,11 @@ if TYPE_CHECKING:
 
 EXAMPLES = examples(
     "omni identify geometry run1.npz run2.npz run3.npz --robot mine.toml --out identified.toml",
-    "omni identify geometry day1/*.csv day2/*.csv --mapping mapping.toml --robot mine.toml",
+    "omni identify geometry day1/*.csv day2/*.csv --mapping mapping.toml --robot mine.toml --plot geometry.png",
     "omni identify geometry run1.csv run2.csv --truth t1.csv --truth t2.csv --mapping mapping.toml -r mine.toml",
 )
 MOST_GROUPS = 10
+PlotOption = Annotated[Path | None, PLOT]
 
 
 class LeaveOut(str, Enum):
@@ -52,11 +55,13 @@ def identify_geometry(
         ),
     ] = None,
     out: RobotFileOption = None,
+    plot: PlotOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Identify odometry geometry from encoder counts and measured poses; no IMU and no motor duties are needed.
 
     The poses are in the logs (truth.in_log in the column mapping) or in --truth files. Fits the integrated pose. Groups of runs are left out in turn; dead reckoning of these runs is the figure to trust.
+    Positions alone suffice, too: of one marker, which may be off the robot's centre.
     """
     from omniwheel.identification.pose_fit.result_data import study_data
     from omniwheel.identification.pose_fit.robot_file import write_geometry
@@ -67,6 +72,8 @@ def identify_geometry(
         raise typer.BadParameter(f"{len(truth)} --truth files beside {len(logs)} logs; give one per log, or none")
     if out is not None:
         writable_path(out, "the robot file")
+    if plot is not None:
+        writable_path(plot, "--plot")
     nominal = read_robot(robot)
     layout = wheel_model(nominal)
     runs = _runs(logs, truth or [None] * len(logs), mapping, nominal, leave_out)
@@ -74,12 +81,25 @@ def identify_geometry(
     note(f"{len(runs)} runs in {groups} groups; each group is left out in turn", quiet=as_json)
     study = identify(runs, layout)
     written = write_geometry(study, robot, out) if out is not None else None
+    drawn = plot if plot is not None and _draw(study, plot, as_json=as_json) else None
+    files = {name: None if path is None else str(path) for name, path in (("file", written), ("plot", drawn))}
     if as_json:
-        print_json({**study_data(study), "file": None if written is None else str(written)})
+        print_json({**study_data(study), **files})
         return
     _print(study)
-    if written is not None:
-        console.print(f"\n[bold]{escape(str(written))}[/]", soft_wrap=True)
+    for path in filter(None, files.values()):
+        console.print(f"\n[bold]{escape(path)}[/]", soft_wrap=True)
+
+
+def _draw(study: GeometryStudy, path: Path, *, as_json: bool) -> bool:
+    """Draw the left-out runs; say why if there are none."""
+    from omniwheel.identification.pose_fit.picture import draw_study
+
+    if not study.held_out:
+        note("no picture: no run was left out; give two or more runs", quiet=as_json)
+        return False
+    draw_study(study, path)
+    return True
 
 
 def _runs(
@@ -141,6 +161,7 @@ def _errors(study: GeometryStudy) -> Table:
         table.add_column(name, justify="right")
     for measure, (_, factor, unit) in MEASURES.items():
         for kind, found in summaries(study, measure).items():
-            values = (found.median, found.percentile_95, found.largest)
-            table.add_row(f"{measure}: {KINDS[kind][1]}", *(f"{factor * value:.3g}" for value in values), unit)
+            values = (factor * value for value in (found.median, found.percentile_95, found.largest))
+            cells = ("–" if math.isnan(value) else f"{value:.3g}" for value in values)
+            table.add_row(f"{measure}: {KINDS[kind][1]}", *cells, unit)
     return table
