@@ -59,6 +59,7 @@ EXPERIMENTS: tuple[Experiment, ...] = (
     Experiment("limits", "The best that a causal filter could do", "limits"),
     Experiment("table9", "Tables 8 and 9: model identification", "identification", ("table8",)),
     Experiment("real_logs", "Logs of a real robot", "real_logs"),
+    Experiment("optiodom", "Geometry from poses of two real robots", "geometry_logs"),
     Experiment("real_worlds", "Both worlds beside the real logs", "real_worlds"),
     Experiment("diagrams", "Figures 9 and 12: block diagrams", "diagrams", ("fig9", "fig12")),
     Experiment("controllers", "Every controller on every path", "controllers"),

@@ -60,8 +60,9 @@ def identify_geometry(
 ) -> None:
     """Identify odometry geometry from encoder counts and measured poses; no IMU and no motor duties are needed.
 
-    The poses are in the logs (truth.in_log in the column mapping) or in --truth files. Fits the integrated pose. Groups of runs are left out in turn; dead reckoning of these runs is the figure to trust.
-    Positions alone suffice, too: of one marker, which may be off the robot's centre.
+    The poses are in the logs (truth.in_log in the column mapping) or in --truth files. Positions of one marker suffice,
+    which may be off the robot's centre. Fits the integrated pose. Groups of runs are left out in turn; dead reckoning
+    of these runs is the figure to trust.
     """
     from omniwheel.identification.pose_fit.result_data import study_data
     from omniwheel.identification.pose_fit.robot_file import write_geometry

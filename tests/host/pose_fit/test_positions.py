@@ -36,7 +36,8 @@ def positions(log: WheelLog) -> WheelLog:
 @pytest.mark.parametrize("layout", [THREE, FOUR], ids=["three", "four"])
 def test_one_marker_off_the_centre_shows_geometry_and_its_own_place(layout: WheelModel) -> None:
     truth = marked(layout, 5)
-    study = identify_geometry([run_of(positions(drive(layout, truth, seed)), f"run {seed}") for seed in range(4)], layout)
+    runs = [run_of(positions(drive(layout, truth, seed)), f"run {seed}") for seed in range(4)]
+    study = identify_geometry(runs, layout)
     found, known = study.whole.plain, dict(zip(layout.names, truth, strict=True))
     wanted = {n for n, kind in zip(layout.names, layout.kinds, strict=True) if kind in PLANT} - {"tracked_heading_rad"}
     assert set(found.names) == wanted

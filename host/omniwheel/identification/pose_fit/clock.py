@@ -89,7 +89,10 @@ def _mismatch(wheels: Array, poses: tuple[Array, Array], times: Array) -> float:
 
 
 def _wheel_velocity(run: Run, matrix: Array, grid: Array) -> Array:
-    """Body velocity (n, 3) [m/s, m/s, arm m/s] by the wheels at times of the log's clock; without headings speed (n, 1)."""
+    """Body velocity (n, 3) [m/s, m/s, arm m/s] by the wheels at times of the log's clock; ``arm`` is ARM_M.
+
+    Without headings it is the speed (n, 1).
+    """
     rolled = np.column_stack([_interpolated_difference(run.time_s, column, grid) for column in run.rolled_rad.T])
     body = _smoothed(rolled @ matrix.T * [1.0, 1.0, ARM_M], grid[1] - grid[0])
     return body if run.has_heading else _speed(body)

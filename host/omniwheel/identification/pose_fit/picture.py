@@ -60,7 +60,8 @@ def _draw_errors(axes: Axes, study: GeometryStudy) -> None:
     ):
         axes.step(values, share, where="post", color=colour, linewidth=1.8)
         axes.axvline(float(np.median(values)), color=colour, linestyle=":", linewidth=1.0)
-    axes.set(xlabel="largest position error of a run [mm]", ylabel="share of the runs", xlim=(0.0, None), ylim=(0.0, 1.0))
+    axes.set(xlabel="largest position error of a run [mm]", ylabel="share of the runs")
+    axes.set(xlim=(0.0, None), ylim=(0.0, 1.0))
     axes.set_title(f"{len(study.held_out)} left-out runs (dotted: median)")
 
 

@@ -44,9 +44,7 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
         "unscored_groups": study.unscored,
         "held_out": {
             kind: {
-                **{
-                    name: _summary([of(run) for run in study.held_out], _field(key)) for key, name in _JSON.items()
-                },
+                **{name: _summary([of(run) for run in study.held_out], _field(key)) for key, name in _JSON.items()},
                 "per_metre": _summary([of(run) for run in study.held_out], lambda run: run.per_metre),
             }
             for kind, (of, _) in KINDS.items()

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Least squares on windows: each window becomes a quadratic in the odometry matrix, every model is fitted to their sum.
 
-A window counts as three measurements (x, y, heading; two without headings), however many poses are in it: those of one window share their
-errors. Windows with far larger residuals than the others count less (Huber).
+A window counts as three measurements (x, y, heading; two without headings), however many poses are in it: those of one
+window share their errors. Windows with far larger residuals than the others count less (Huber).
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ from omniwheel.identification.pose_fit.windows import Run, Window, cut, groups_o
 LEAST_GROUPS = 2
 """Groups without which nothing can be left out."""
 LARGEST_RESIDUAL = 0.5
-"""Standard deviation of the positions' residuals, as a share of the motion, above which the poses are another robot's."""
+"""Standard deviation of the positions' residuals over the motion's RMS above which the poses contradict the wheels."""
 MOVED_M = 0.02
 """A robot that moves less than this stands still."""
 

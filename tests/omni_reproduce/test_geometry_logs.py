@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: MIT
+"""The experiment on two robots' geometry where there are no logs, and on simulated ones in their place."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from omni_reproduce import geometry_logs
+from omni_reproduce.experiment import Context
+from omniwheel.errors import LogError
+from omniwheel.identification.pose_fit.wheel_model import WheelModel
+from tests.host.pose_fit.files import table
+from tests.host.pose_fit.robots import COUNTS, drive, true_values
+from tests.omni_reproduce import geometry_page
+
+PULSES = 12288
+LAYOUT = WheelModel(0.051, 0.195, np.radians([300.0, 60.0, 180.0]))
+"""The three-wheel robot of the data as documented."""
+
+
+def test_without_logs_it_says_how_to_give_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMNI_OPTIODOM", str(tmp_path))
+    rows = geometry_logs.run(Context(tmp_path)).rows
+    assert [row.ours for row in rows] == [None, None]
+    assert all("OMNI_OPTIODOM" in row.explanation for row in rows)
+
+
+def test_a_folder_that_is_none_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OMNI_OPTIODOM", str(tmp_path / "nowhere"))
+    with pytest.raises(LogError, match="no folder"):
+        geometry_logs.run(Context(tmp_path))
+
+
+@pytest.mark.full
+def test_sessions_of_another_robot_are_scored_and_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data, out = tmp_path / "data", tmp_path / "out"
+    out.mkdir()
+    truth = true_values(LAYOUT, 5)
+    for seed in range(4):
+        log = drive(LAYOUT, truth, seed, duration_s=16.0)
+        # The robot's rows are 0.04 s apart: two of ours. Its positive counts turn it clockwise.
+        turned = np.cumsum(log.counts, axis=0)[::2] * -PULSES / COUNTS
+        counts = np.diff(np.round(turned), axis=0, prepend=np.zeros((1, 3)))
+        rows = [line for number, line in enumerate(table(log, log.counts).splitlines()) if number % 2 == 0]
+        text = "\n".join(
+            ",".join([*row.split(",")[:4], *(f"{count:.0f}" for count in moved)])
+            for row, moved in zip(rows, counts, strict=True)
+        )
+        folder = data / "omni3" / "joystick" / f"session{seed % 2}"
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / f"session{seed % 2}_run-{seed:02}.csv").write_text(text + "\n", encoding="utf-8")
+    monkeypatch.setenv("OMNI_OPTIODOM", str(data))
+    result = geometry_logs.run(Context(out))
+    figures = {(row.setting, row.quantity): row.ours for row in result.rows}
+    largest = f"{geometry_logs.LARGEST}, largest of all runs"
+    before = figures[f"three wheels, {geometry_logs.DOCUMENTED}", largest]
+    assert before is not None
+    for setting in (geometry_logs.IDENTIFIED, geometry_logs.POSITIONS):
+        after = figures[f"three wheels, {setting}", largest]
+        assert after is not None
+        assert after < 0.5 * before
+    assert figures["three wheels, all runs", "wheel_distance_m"] == pytest.approx(truth[3], rel=0.01)
+    assert figures["four wheels", geometry_logs.LARGEST] is None
+    assert [path.name for path in result.pictures] == ["optiodom_three_wheel.png"]
+    assert (out / "optiodom_three_wheel.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_guide_has_the_figures_of_the_kept_results() -> None:
+    page = geometry_page.PAGE.read_text(encoding="utf-8")
+    assert geometry_page.written() == page, "python -m tests.omni_reproduce.geometry_page --write"
