@@ -40,7 +40,7 @@ def largest_heading_error(study: GeometryStudy, shown: HeldOut, probability: flo
     slope = np.column_stack(columns)
     groups = len(study.groups)
     carried = np.einsum("ki,ij,kj->k", slope, found.covariance, slope) * groups / (groups - 1.0)
-    quantile = float(chi2.isf(probability / len(carried), df=1)) ** 0.5
+    quantile = float(np.sqrt(chi2.isf(probability / len(carried), df=1)))
     return quantile * float(np.sqrt(np.max(carried) + 2.0 * NOISE[2] ** 2))
 
 

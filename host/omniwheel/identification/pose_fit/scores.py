@@ -56,7 +56,7 @@ def dead_reckoned(run: Run, matrix: Array, truth_on_log_s: Array) -> tuple[Array
 
     def path(heading: float) -> Array:
         start = np.array([*measured[0, :2], heading])
-        return np.vstack((start, integrate(increments, matrix, start)[0]))[rows]
+        return np.asarray(np.vstack((start, integrate(increments, matrix, start)[0]))[rows])
 
     if run.has_heading:
         return path(float(measured[0, 2])), measured
