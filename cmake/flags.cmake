@@ -3,6 +3,9 @@
 # every machine.
 add_library(omni_flags INTERFACE)
 target_compile_options(omni_flags INTERFACE $<IF:$<BOOL:${OMNI_SANITIZE}>,-O1,-O3> -ffp-contract=off -fno-math-errno)
+# CMAKE_C_FLAGS and CMAKE_CXX_FLAGS cannot do it: they come before the level above, and the last one counts.
+set(OMNI_LEVEL "" CACHE STRING "Level of optimisation in place of the products' own")
+target_compile_options(omni_flags INTERFACE ${OMNI_LEVEL})
 
 # As for PlatformIO: with OMNI_WERROR=1 in the environment, as in CI. Every compiler has other warnings.
 option(OMNI_WERROR "Treat warnings in this project's own code as errors" "$ENV{OMNI_WERROR}")

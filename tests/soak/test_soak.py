@@ -45,7 +45,7 @@ def planted(tmp_path: Path, source: str, old: str, new: str) -> Path:
     command[command.index("-o") + 1] = str(tmp_path / "planted.o")
     command[command.index("-c") + 1] = str(changed)
     subprocess.run([*command, f"-I{original.parent}"], check=True, cwd=BUILD)
-    objects = sorted((BUILD / "tests" / "soak" / "CMakeFiles" / "soak.dir").glob("*.o"))
+    objects = sorted((BUILD / "tests" / "soak" / "CMakeFiles" / "soak_objects.dir").glob("*.o"))
     archives = sorted((BUILD / "tests" / "fuzz").glob("*.a")) + sorted(BUILD.glob("shared/*/*.a"))
     archives += sorted(BUILD.glob("hil_sim/*.a"))
     program = tmp_path / "soak"
