@@ -96,7 +96,7 @@ def _telemetry() -> Any:
         omniwheel__identification__robot_file__write_robot_file=_identified,
         omniwheel__cli__identify___table=lambda *_: "",
         omniwheel__cli__identify___as_dict=lambda *_: {},
-        omniwheel__identification__sources__read_dataset=lambda path, _: SimpleNamespace(name=str(path)),
+        omniwheel__identification__sources__read_dataset=lambda path, *_: SimpleNamespace(name=str(path)),
     )
 
 

@@ -31,7 +31,7 @@ enum {
     OMNI_TICK_US = 1000,       /**< nominal tick period */
     OMNI_TICK_JUMP_US = 10000, /**< a step longer than this raises OMNI_FAULT_TIME */
     OMNI_SPEED_LOOKS = 4,      /**< that a wheel must stay too fast: half a second */
-    OMNI_SPEED_TICKS = 128,    /**< from one look at the wheels' speeds to the next */
+    OMNI_SPEED_TICKS = 127,    /**< between looks at the wheels' speeds; prime: no periodic chatter hides from it */
     OMNI_ENCODER_TICKS = 3,    /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
     OMNI_BATTERY_TICKS = 50    /**< low readings in a row that raise OMNI_FAULT_BATTERY */
 };
