@@ -23,8 +23,6 @@ LOGS = ROOT / "build" / "ci"
 LIMIT_S = 4800.0
 SLOTS = 3
 """Steps at once. One more than two processors: each waits for disks, processes and browsers a third of its time."""
-WORKERS = (os.cpu_count() or 1) + 1
-"""Of the tests, for the same reason."""
 POLL_S = 0.2
 TAIL = 25
 """Lines that are shown of a step that passed; its log has all."""
@@ -60,7 +58,7 @@ STEPS = (
     make("core-checks"),
     make("demo"),
     make("bench-gates", slots=SLOTS),  # nothing else runs while it measures
-    Step("test-all", f"make test-all WORKERS={WORKERS}", ("firmware-check",), SLOTS),
+    make("test-all", "firmware-check", slots=SLOTS),
 )
 
 
