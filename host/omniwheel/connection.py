@@ -7,6 +7,7 @@ advances the simulation, the same code runs deterministically.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from typing import Any
 from omniwheel.default_key import default_key
 from omniwheel.default_system import LAST_SYSTEM, RENAMED_AFTER_S
 from omniwheel.dialect import HUB_COMPONENT, Message, is_addressed, is_autopilot, mavlink, take_bytes, tells_time
-from omniwheel.errors import SeveralRobotsError
+from omniwheel.errors import OmniError, SeveralRobotsError
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -27,6 +28,20 @@ _POLL_S = 0.1
 
 Listener = Callable[[Message], None]
 Recorder = Callable[[bytes], None]
+
+
+def own_station() -> int:
+    """Return this computer's MAVLink system id: ``OMNI_STATION``, or 255. Raises OmniError if it is none.
+
+    To a robot, programs with the same ids on one link are one station. So computers that share a radio channel need
+    different ones: else the heartbeats of one keep the robot of another going.
+    """
+    given = os.environ.get("OMNI_STATION", "")
+    if not given:
+        return GROUND_STATION_ID
+    if not (given.isdecimal() and 1 <= int(given) <= GROUND_STATION_ID):
+        raise OmniError(f"OMNI_STATION is {given!r}; a station's number is 1 to 255", hint="take 255 downwards")
+    return int(given)
 
 
 class _Output:
@@ -54,7 +69,7 @@ class Connection:
         link: Link,
         *,
         clock: Callable[[], float] = time.monotonic,
-        system_id: int = GROUND_STATION_ID,
+        system_id: int | None = None,
         component_id: int = GROUND_COMPONENT_ID,
         heartbeat: bool = True,
         recorder: Recorder | None = None,
@@ -73,7 +88,8 @@ class Connection:
         """Called with the system id of another robot when it is heard for the first time."""
         self.rx_bytes = 0
         self.rx_bad_bytes = 0
-        self._codec: Any = mavlink.MAVLink(_Output(self), system_id, component_id)
+        own_id = own_station() if system_id is None else system_id
+        self._codec: Any = mavlink.MAVLink(_Output(self), own_id, component_id)
         self._codec.robust_parsing = True
         key = default_key()
         self.signer = Signer(key) if signer is None and key is not None else signer

@@ -33,7 +33,7 @@ _PER_UNIT = 1e4
 """Units of OMNI_POSE_FIX's standard deviations in a metre or a radian."""
 _ROUNDED = 1.0 / math.sqrt(12.0)
 """Standard deviation of what rounding takes away, in steps."""
-_MAX_TIME_MS = 2**32 - 1
+_TIME_MS_WRAP = 2**32
 
 
 def finite(name: str, value: float) -> float:
@@ -125,7 +125,7 @@ def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta
         raise SetpointError(f"x = {pose.x:g} m, y = {pose.y:g} m: a compact pose fix reaches 32.767 m at most")
     theta = round(math.remainder(pose.theta, math.tau) * 1e4)
     sds = _tenths("sd_xy_m", sd_xy_m, 1e-3 * _ROUNDED), _tenths("sd_theta_rad", sd_theta_rad, 1e-4 * _ROUNDED)
-    time_ms = min(round(time_us / 1e3), _MAX_TIME_MS)
+    time_ms = round(time_us / 1e3) % _TIME_MS_WRAP or int(time_us > 0)  # 0 would be: no time is known
     message: Message = _M.MAVLink_omni_pose_fix_message(time_ms, x_mm, y_mm, theta, *sds)
     return message
 

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from omniwheel.frames import Pose
+from omniwheel.setpoints import compact_fix_message
 from tests.firmware.client import mav
 from tests.firmware.fake_robot import HEARTBEAT, HIL_ON, USB, FakeRobot, command, frame, velocity
 
@@ -112,6 +114,13 @@ def test_what_a_fix_says_of_its_spread_counts_and_of_a_plane_the_worse_axis(robo
     assert unsure[1] > 1.5 * exact[1]
     unknown = spread_after(robot, math.nan, math.nan, math.nan)
     assert unknown == pytest.approx(spread_after(robot, 0.0, 0.0, 0.0))
+
+
+def test_the_time_of_a_compact_fix_wraps_as_the_robots_clock_does() -> None:
+    wrap_us = 2**32 * 1000
+    for time_us in (0, 5_000, wrap_us - 1_000, wrap_us + 7_000):
+        assert compact_fix_message(Pose(0.0, 0.0, 0.0), time_us).time_boot_ms == time_us // 1000 % 2**32
+    assert compact_fix_message(Pose(0.0, 0.0, 0.0), wrap_us).time_boot_ms == 1, "0 would be: no time is known"
 
 
 @pytest.mark.parametrize("sds", [(0.001, 0.001), (0.02, 0.001), (0.001, 0.02), (0.0, 0.0), (math.nan, math.nan)])

@@ -10,7 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from omniwheel.errors import LinkLostError, LinkOpenError, LinkUrlError
+from omniwheel.connection import Connection
+from omniwheel.dialect import mavlink
+from omniwheel.errors import LinkLostError, LinkOpenError, LinkUrlError, OmniError
 from omniwheel.link import DEFAULT_BAUD, LinkAddress, open_link, parse_url
 
 
@@ -130,3 +132,31 @@ def test_reading_wakes_up_when_bytes_come() -> None:
         sender.join()
         peer.close()
         link.close()
+
+
+class _Written:
+    """A link that keeps what is written."""
+
+    def __init__(self) -> None:
+        self.data = b""
+
+    def write(self, data: bytes) -> None:
+        self.data += data
+
+
+@pytest.mark.parametrize(("given", "station"), [("", 255), ("254", 254), ("1", 1)])
+def test_a_computer_speaks_as_the_station_that_it_was_given(
+    monkeypatch: pytest.MonkeyPatch, given: str, station: int
+) -> None:
+    monkeypatch.setenv("OMNI_STATION", given)
+    link = _Written()
+    Connection(link).send(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))  # type: ignore[arg-type]
+    (heard,) = mavlink.MAVLink(None).parse_buffer(link.data)
+    assert heard.get_srcSystem() == station
+
+
+@pytest.mark.parametrize("given", ["0", "256", "-1", "one", "1.5", " "])
+def test_a_station_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, given: str) -> None:
+    monkeypatch.setenv("OMNI_STATION", given)
+    with pytest.raises(OmniError):
+        Connection(_Written())  # type: ignore[arg-type]

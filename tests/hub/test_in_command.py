@@ -335,3 +335,29 @@ def test_another_robot_on_the_same_radio_does_not_free_the_command() -> None:
         bench.robot_is(armed=True)
         bench.run(1.0, 0.1)
     assert bench.hub.command.holder == first.number
+
+
+@pytest.mark.parametrize("first", [1, 2])
+def test_another_robot_that_is_armed_is_kept_going_by_its_own_driver_only(first: int) -> None:
+    """Two robots on the line: the hub follows the one that it heard first, a program may drive the other one."""
+    bench = Bench()
+    for system in (first, 3 - first):
+        bench.robot_system(system)
+        bench.robot_is(armed=False)
+    driver, onlooker = bench.join("driver"), bench.join("onlooker", 254)
+    arm = command(ARM, 1.0)
+    arm.target_system = 2
+    driver.send(beat(), arm)
+    for second in range(12):
+        for system in (1, 2):
+            bench.robot_system(system)
+            bench.robot_is(armed=system == 2)
+        onlooker.send(beat())
+        if second < 6:
+            driver.send(beat())
+        elif second == 6:
+            bench.leave(driver)
+        bench.run(1.0, 0.05)
+    heard = [message.get_srcSystem() for _, message in bench.sent if message.get_type() == "HEARTBEAT"]
+    assert heard.count(255) >= 6
+    assert 254 not in heard

@@ -3,6 +3,9 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
 from omniwheel.dialect import mavlink
@@ -159,3 +162,34 @@ def test_one_parameter_is_asked_for_once_for_two_and_again_for_whoever_repeats(b
     second.send(mavlink.MAVLink_param_request_read_message(1, 1, b"WS_P", -1))
     bench.run()
     assert bench.names().count("PARAM_REQUEST_READ") == 3
+
+
+@pytest.mark.parametrize("others", [0, 1])
+@pytest.mark.parametrize(
+    ("message", "interval_us"),
+    [
+        (math.nan, 1e5),
+        (math.inf, 1e5),
+        (-1.0, 1e5),
+        (float(ATTITUDE), math.nan),
+        (float(ATTITUDE), -5.0),
+        (float(ATTITUDE), 1.0),
+        (float(mavlink.MAVLINK_MSG_ID_HEARTBEAT), -1.0),
+        (float(mavlink.MAVLINK_MSG_ID_STATUSTEXT), -1.0),
+    ],
+)
+def test_the_robot_judges_a_wish_that_cannot_be_merged(
+    bench: Bench, message: float, interval_us: float, others: int
+) -> None:
+    station = bench.join("odd")
+    for number in range(others):
+        bench.join(f"other {number}")
+    bench.answers = False
+    station.send(command(RATE, message, interval_us))
+    bench.run()
+    (asked_for,) = bench.commands(RATE)
+    np.testing.assert_equal([asked_for.param1, asked_for.param2], np.array([message, interval_us], dtype=np.float32))
+    assert not station.results(RATE)
+    bench.robot_is(armed=False)
+    bench.run()
+    assert station.got("HEARTBEAT")

@@ -94,6 +94,8 @@ BAD = [
     '{"do": "rate", "hz": 1e9}',
     '{"do": "start_trajectory", "type": "../../etc", "laps": -1}',
     '{"do": "simulate", "scenario": "../../x"}',
+    '{"do": "simulate", "scenario": []}',
+    '{"do": "simulate", "scenario": "demo", "processor": {}}',
     '{"do": "connect", "url": 3}',
     '{"do": "load", "text": "[parameters]\\nx = ' + "9" * 5000 + '"}',
     "[" * 5000,
@@ -174,7 +176,8 @@ def test_files_outside_the_page_are_not_served(simulated: Program) -> None:
     import http.client
 
     port = int(simulated.url.split(":")[2].strip("/"))
-    for path in ("/page/../server.py", "/page/%2e%2e%2fserver.py", "/vendor/LICENSE", "/page/..%5cserver.py"):
+    outside = ("/page/../server.py", "/page/%2e%2e%2fserver.py", "/vendor/LICENSE", "/page/..%5cserver.py")
+    for path in (*outside, f"/page/{'x' * 300}.js"):
         connection = http.client.HTTPConnection("127.0.0.1", port)
         connection.request("GET", path)
         assert connection.getresponse().status in (403, 404), path

@@ -30,6 +30,7 @@ from omniwheel.hub.rules import (
     receipt_of,
     source_of,
     target_of,
+    wish_of,
 )
 from omniwheel.hub.streams import Streams
 from omniwheel.hub.trials import Trials
@@ -292,12 +293,12 @@ class Hub:
         alone = client.number == self.command.holder
         station = source_of(message)
         due = now_s - self._beaten_s.get(station, float("-inf")) >= HEARTBEAT_S
-        if self.command.hears_heartbeat_of(client.number) and (alone or due):
+        if self.command.hears_heartbeat_of(client.number, now_s) and (alone or due):
             self._beaten_s[station] = now_s
             self._ask(client, message, Kind.HEARTBEAT)
 
     def _interval(self, client: Client, message: Message) -> None:
-        number, interval_us = int(message.param1), float(message.param2)
+        number, interval_us = wish_of(message) or (0, 0.0)
         self.streams.wish(client.number, number, interval_us)
         wanted = self.streams.merged(number, set(self.clients))
         if self.streams.in_force.get(number) == wanted and number in self.streams.accepted:
@@ -366,6 +367,8 @@ class Hub:
     def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
         now_s = self._clock()
         if not self._robot.accept_heartbeat(source, now_s):
+            if armed:
+                self.command.note_another(now_s)
             return
         holder = self.command.holder
         if self.command.robot_says(armed, now_s) and holder is not None:
@@ -397,7 +400,7 @@ class Hub:
                 client.out += raw if client.raw else plain
 
     def _interval_answered(self, question: Question, ack: Message) -> None:
-        if question.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+        if question.about is None:
             return
         number, interval_us = question.about
         if ack.result == _ACCEPTED:

@@ -20,6 +20,7 @@ class InCommand:
     def __init__(self) -> None:
         self.holder: int | None = None
         self.armed = False
+        self._another_armed_s = float("-inf")
         self._moved_s = float("-inf")
         self._heard_s = float("-inf")
         self._pauses: dict[int, tuple[float, float]] = {}
@@ -42,12 +43,19 @@ class InCommand:
         self._pauses.pop(client, None)
         return True
 
-    def hears_heartbeat_of(self, client: int) -> bool:
+    def hears_heartbeat_of(self, client: int, now_s: float) -> bool:
         """Return whether the robot may hear this client's heartbeats: they keep it driving.
 
-        Of an armed robot only those of the client in command, so that nobody else's hide that this one is gone.
+        While a robot is armed only those of the client in command, so that nobody else's hide that this one is gone.
         """
-        return client == self.holder or (self.holder is None and not self.armed)
+        return client == self.holder or (self.holder is None and not self._any_is_armed(now_s))
+
+    def note_another(self, now_s: float) -> None:
+        """Take note that another robot on the line is armed: the client in command may drive that one."""
+        self._another_armed_s = now_s
+
+    def _any_is_armed(self, now_s: float) -> bool:
+        return self.armed or now_s - self._another_armed_s < IDLE_S
 
     def robot_says(self, armed: bool, now_s: float) -> bool:
         """Take the robot's heartbeat; return whether the command was released by it."""
@@ -67,7 +75,7 @@ class InCommand:
 
     def is_idle(self, now_s: float) -> bool:
         """Return whether the client in command is silent, or does nothing with a robot that is disarmed."""
-        since_s = self._heard_s if self.armed else self._moved_s
+        since_s = self._heard_s if self._any_is_armed(now_s) else self._moved_s
         return self.holder is not None and now_s - since_s >= IDLE_S
 
     def release(self) -> bool:

@@ -6,13 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omniwheel.dialect import Message, mavlink
-from omniwheel.hub.rules import Target, receipt_of, source_of, target_of
+from omniwheel.hub.rules import Target, receipt_of, source_of, target_of, wish_of
 
 FORGET_S = 15.0
 """A question without answer is forgotten after this time: longer than a client tries."""
 KEPT = 50
 """Of one client's questions: more than any program asks at once."""
-_INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
 
 
 @dataclass
@@ -25,7 +24,7 @@ class Question:
     moves: bool
     asked_s: float
     target: Target
-    about: tuple[int, float] = (0, 0.0)
+    about: tuple[int, float] | None = None
     """Of a wish for telemetry: the message and its interval."""
     action: float = 0.0
     """Of any other command: its first parameter."""
@@ -45,9 +44,8 @@ class Pending:
 
     def ask(self, client: int, message: Message, moves: bool, now_s: float) -> None:
         """Take note of a command; one that is said again counts once."""
-        about = (int(message.param1), float(message.param2)) if message.command == _INTERVAL else (0, 0.0)
         target, action = target_of(message), float(message.param1)
-        new = Question(client, message.command, receipt_of(message), moves, now_s, target, about, action)
+        new = Question(client, message.command, receipt_of(message), moves, now_s, target, wish_of(message), action)
         self._expire(now_s)
         for question in self._questions:
             if question.is_like(new):

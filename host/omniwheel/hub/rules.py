@@ -17,6 +17,17 @@ HANDED_OVER = "this was "
 _SETPOINTS = ("SET_POSITION_TARGET_LOCAL_NED", "MANUAL_CONTROL", "OMNI_SETPOINT_DUTY")
 _FIXES = ("VICON_POSITION_ESTIMATE", "ATT_POS_MOCAP", "OMNI_POSE_FIX")
 _COMMANDS = ("COMMAND_LONG", "COMMAND_INT")
+_NEEDED = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+    mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+    mavlink.MAVLINK_MSG_ID_TIMESYNC,
+}
+"""Messages whose rates only the robot decides: no client can be without them."""
+_LAST_MESSAGE = 2**24 - 1
+_SHORTEST_US, _LONGEST_US = 1000.0, 4.0e9
+"""Intervals that the robot takes (firmware/app/telemetry.cpp), beside 0 (as at boot) and -1 (off)."""
 
 
 class Kind(Enum):
@@ -131,12 +142,26 @@ def kind_of(message: Message) -> Kind:
     if stop_of(message) is not None:
         return Kind.STOP
     if is_command(message):
-        if message.command == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+        if wish_of(message) is not None:
             return Kind.INTERVAL
         return Kind.MOVE if message.command in _MOVES else Kind.OTHER
     if message.get_type() == "STATUSTEXT" and str(message.text).startswith((HELLO, HANDED_OVER)):
         return Kind.NAME
     return _OTHER_KINDS.get(message.get_type(), Kind.OTHER)
+
+
+def wish_of(message: Message) -> tuple[int, float] | None:
+    """Return message and interval [µs] of a command that asks for a rate; None: any other, and what the robot judges.
+
+    That is: numbers that are none or out of its range, and messages that every client needs.
+    """
+    if message.command != mavlink.MAV_CMD_SET_MESSAGE_INTERVAL:
+        return None
+    number, interval_us = float(message.param1), float(message.param2)
+    if not 0.0 <= number <= _LAST_MESSAGE or int(number) in _NEEDED:
+        return None
+    takes = interval_us in (-1.0, 0.0) or _SHORTEST_US <= interval_us <= _LONGEST_US
+    return (int(number), interval_us) if takes else None
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,8 @@ LARGEST_MESSAGE = 256 * 1024
 MOST_WAITING = 32
 """Requests of one page that may wait for the robot at once."""
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
+_LONGEST_NAME = 255
+"""Bytes that a file system takes; a longer name is an error there, not a file that is missing."""
 _SECURITY = {
     "Content-Security-Policy": "default-src 'self'; style-src 'self' 'unsafe-inline'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -323,12 +325,12 @@ class StudioServer:
 
     async def _simulate(self, page: Page, request: Mapping[str, Any]) -> None:
         scenario, robot = request.get("scenario"), request.get("robot")
-        if scenario not in await asyncio.to_thread(self._scenarios):
+        if not isinstance(scenario, str) or scenario not in await asyncio.to_thread(self._scenarios):
             raise BadRequestError(f"there is no scenario {scenario!r}")
         if robot is not None and robot not in robot_names():
             raise BadRequestError(f"there is no robot {robot!r}")
         processor, image = request.get("processor", PC), request.get("image") or ""
-        if processor not in WORDS:
+        if not isinstance(processor, str) or processor not in WORDS:
             raise BadRequestError(f"there is no processor {processor!r}")
         if not isinstance(image, str) or (processor == IMAGE) != bool(image):
             raise BadRequestError("which image? a file's path is missing", hint="build one: make firmware")
@@ -389,7 +391,8 @@ async def _send_one(socket: WebSocket, message: str | bytes) -> None:
 
 def _file_of(folder: Path, name: str) -> Response:
     path = folder / name
-    if path.parent != folder or path.suffix not in _TYPES or not path.is_file():
+    is_page = path.parent == folder and path.suffix in _TYPES and len(name.encode()) <= _LONGEST_NAME
+    if not is_page or not path.is_file():
         return PlainTextResponse("there is no such file\n", 404)
     return FileResponse(path, media_type=_TYPES[path.suffix], headers=_SECURITY)
 
