@@ -51,7 +51,8 @@ void coverage_note(coverage_t *coverage, const scene_t *scene) {
     ++coverage->state[out->state];
     ++coverage->wheel_filter[c->motor_kf.mode];
     ++coverage->pose_filter[c->pose_ekf.mode];
-    note_bits(coverage->fault, out->faults);
+    /* A turning wheel is a fault of a robot that is to be armed. OMNI_FAULT_CONFIG only says that it is not now. */
+    note_bits(coverage->fault, out->faults | (omni_robot_arming_faults(&scene->robot) & ~(uint32_t)OMNI_FAULT_CONFIG));
     if (out->state == OMNI_STATE_FAILSAFE) {
         note_bits(coverage->history, out->fault_history);
     }
