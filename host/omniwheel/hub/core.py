@@ -221,8 +221,8 @@ class Hub:
             self._move(client, message, kind)
         elif kind is Kind.HEARTBEAT:
             self._beat(client, message)
-        elif kind is Kind.INTERVAL:
-            self._interval(client, message)
+        elif kind is Kind.INTERVAL and (wish := wish_of(message)) is not None:
+            self._interval(client, message, *wish)
         elif self._is_new(client, message, kind) and self._may_try(client, message):
             self._ask(client, message, kind)
 
@@ -297,8 +297,7 @@ class Hub:
             self._beaten_s[station] = now_s
             self._ask(client, message, Kind.HEARTBEAT)
 
-    def _interval(self, client: Client, message: Message) -> None:
-        number, interval_us = wish_of(message) or (0, 0.0)
+    def _interval(self, client: Client, message: Message, number: int, interval_us: float) -> None:
         self.streams.wish(client.number, number, interval_us)
         wanted = self.streams.merged(number, set(self.clients))
         if self.streams.in_force.get(number) == wanted and number in self.streams.accepted:
@@ -368,7 +367,7 @@ class Hub:
         now_s = self._clock()
         if not self._robot.accept_heartbeat(source, now_s):
             if armed:
-                self.command.note_another(now_s)
+                self.command.note_other_armed_robot(now_s)
             return
         holder = self.command.holder
         if self.command.robot_says(armed, now_s) and holder is not None:

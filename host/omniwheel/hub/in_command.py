@@ -20,7 +20,7 @@ class InCommand:
     def __init__(self) -> None:
         self.holder: int | None = None
         self.armed = False
-        self._another_armed_s = float("-inf")
+        self._other_armed_s = float("-inf")
         self._moved_s = float("-inf")
         self._heard_s = float("-inf")
         self._pauses: dict[int, tuple[float, float]] = {}
@@ -50,12 +50,12 @@ class InCommand:
         """
         return client == self.holder or (self.holder is None and not self._any_is_armed(now_s))
 
-    def note_another(self, now_s: float) -> None:
+    def note_other_armed_robot(self, now_s: float) -> None:
         """Take note that another robot on the line is armed: the client in command may drive that one."""
-        self._another_armed_s = now_s
+        self._other_armed_s = now_s
 
     def _any_is_armed(self, now_s: float) -> bool:
-        return self.armed or now_s - self._another_armed_s < IDLE_S
+        return self.armed or now_s - self._other_armed_s < IDLE_S
 
     def robot_says(self, armed: bool, now_s: float) -> bool:
         """Take the robot's heartbeat; return whether the command was released by it."""
