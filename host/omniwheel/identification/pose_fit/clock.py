@@ -71,15 +71,16 @@ def measure_clock(run: Run, matrix: Array) -> Clock:
     span = run.truth_s[-1] - run.truth_s[0]
     if len(run.truth_s) < LEAST_RATE_HZ * span or span < 2.0 or np.max(np.diff(run.truth_s)) > 1.0:
         return same_clock(run)
+    poses = _pose_velocity(run)
     if run.same_clock:
-        return _refined(run, matrix, same_clock(run))
+        return _refined(run, matrix, poses, same_clock(run))
     tried = np.arange(-ALIGN_WITHIN_S, ALIGN_WITHIN_S + 0.5 * COARSE_S, COARSE_S)
     grid = np.arange(run.time_s[0], run.time_s[-1], 2.0 * GRID_S)
-    wheels, poses = _wheel_velocity(run, matrix, grid), _pose_velocity(run)
+    wheels = _wheel_velocity(run, matrix, grid)
     errors = [_mismatch(wheels, poses, grid + lag) for lag in tried]
     best = float(tried[int(np.argmin(errors))])
     start = replace(same_clock(run), lag_s=np.full(2, best), offset_s=best)
-    return _refined(run, matrix, _refined(run, matrix, start))
+    return _refined(run, matrix, poses, _refined(run, matrix, poses, start))
 
 
 def _mismatch(wheels: Array, poses: tuple[Array, Array], times: Array) -> float:
@@ -128,10 +129,10 @@ def _smoothed(columns: Array, step_s: float) -> Array:
     return np.column_stack([np.convolve(column, kernel, mode="valid") for column in padded.T])
 
 
-def _refined(run: Run, matrix: Array, start: Clock) -> Clock:
-    """Improve a lag by one Gauss-Newton step on the velocities."""
+def _refined(run: Run, matrix: Array, poses: tuple[Array, Array], start: Clock) -> Clock:
+    """Improve a lag by one Gauss-Newton step on the velocities; ``poses`` as ``_pose_velocity`` returns them."""
     grid = np.arange(run.time_s[0], run.time_s[-1], GRID_S)
-    pose_s, pose_velocity = _pose_velocity(run)
+    pose_s, pose_velocity = poses
     times = grid + start.lag(grid)
     inside = (times > pose_s[0]) & (times < pose_s[-1])
     if np.sum(inside) < 2.0 / GRID_S:
