@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LOGS = ROOT / "build" / "ci"
 LIMIT_S = 4800.0
 SLOTS = 3
-"""Steps at once. One more than two processors: each waits for disks, processes and browsers a third of its time."""
+"""Steps at once. One more than two processors: a step that waits for a disk, a process or a browser leaves one idle."""
 POLL_S = 0.2
 TAIL = 25
 """Lines that are shown of a step that passed; its log has all."""
