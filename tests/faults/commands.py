@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -32,6 +33,7 @@ from omniwheel.experiments.repeated import Try
 from omniwheel.experiments.session import Claims
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR
+from omniwheel.identification.pose_fit.study import identify_geometry
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.mocap.camera.geometry import Eye
 from omniwheel.mocap.camera.lens import Lens, save_lens
@@ -39,6 +41,7 @@ from omniwheel.mocap.camera.place import Placement
 from omniwheel.tuning import Figures, Trace
 from omniwheel.wheel_loop import Margins
 from tests.host.logs import synthetic
+from tests.host.pose_fit.robots import THREE, runs, true_values
 from tests.quick_scenario import QUICK
 
 
@@ -98,6 +101,16 @@ def _telemetry() -> Any:
         omniwheel__cli__identify___as_dict=lambda *_: {},
         omniwheel__identification__sources__read_dataset=lambda path, *_: SimpleNamespace(name=str(path)),
     )
+
+
+@cache
+def _geometry(*_: Any) -> Any:
+    """Identify a robot that is known once for all calls that fail."""
+    return identify_geometry(runs(THREE, true_values(THREE, 5), count=2), THREE)
+
+
+def _known_geometry() -> Any:
+    return _patched(omniwheel__identification__pose_fit__study__identify_geometry=lambda *_: _geometry())
 
 
 @contextmanager
@@ -315,6 +328,11 @@ CASES = {
         "identify logs {inputs}/run1.npz {inputs}/run2.npz --turn {inputs}/run2.npz --lifted "
         "{inputs}/run2.npz --robot {inputs}/robot.toml --out {disk}/i.toml --page {disk}",
         step=3,
+    ),
+    "identify geometry": Case(
+        "identify geometry {inputs}/run1.npz {inputs}/run2.npz --robot {inputs}/robot.toml --out {disk}/g.toml "
+        "--plot {disk}/g.png",
+        during=_known_geometry,
     ),
     "identify telemetry": Case("identify telemetry {inputs}/quick.toml --name found --out {disk}", during=_telemetry),
     "identify live": Case(

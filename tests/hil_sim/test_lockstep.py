@@ -134,10 +134,11 @@ def test_silence_is_a_timeout_and_the_world_stands(bench: Bench, make_world: Any
             answer(robot, sensors)
 
     bench.robot(deaf)
-    bench.link.timeout_s = 0.2
     world = make_world()
-    assert bench.run(world, 10) == lib.HIL_ERR_TIMEOUT
-    assert (bench.done[0], world.c.steps) == (3, 3)
+    assert bench.run(world, 3) == lib.HIL_OK, "with time to spare: a busy computer answers late"
+    bench.link.timeout_s = 0.2
+    assert bench.run(world, 7) == lib.HIL_ERR_TIMEOUT
+    assert (bench.done[0], world.c.steps) == (0, 3)
 
 
 def test_late_answers_of_a_timed_out_tick_are_stale(bench: Bench, make_world: Any) -> None:
@@ -183,10 +184,12 @@ def test_two_heartbeats_from_outside_end_the_waiting(
             robot.sock.sendall(heartbeat(robot, in_loop=in_loop, autopilot=autopilot) + robot.answer_bytes(sensors))
 
     bench.robot(outside)
-    bench.link.timeout_s = 20.0 if result == "HIL_ERR_OUTSIDE" else 0.2
     world = make_world()
-    assert bench.run(world, 10) == getattr(lib, result)
-    assert (bench.done[0], world.c.steps) == (3, 3)
+    assert bench.run(world, 3) == lib.HIL_OK
+    if result == "HIL_ERR_TIMEOUT":
+        bench.link.timeout_s = 0.2
+    assert bench.run(world, 7) == getattr(lib, result)
+    assert (bench.done[0], world.c.steps) == (0, 3)
     bench.link.timeout_s = 20.0
     assert bench.run(world, 10) == lib.HIL_OK, "a heartbeat per tick, each before its answer, is no reason to end"
 
