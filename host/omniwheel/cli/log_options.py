@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -53,3 +54,15 @@ def robot_and_calibration(
     beside = calibration_path(find_robot_file(name))
     path = calibration if calibration is not None else (beside if beside.is_file() and not no_calibration else None)
     return robot, None if path is None else load_calibration(path, robot.wheels), path
+
+
+SMALLEST_SHARE = 1e-3
+"""Below it a share would be rounded to 0.0 %, though a single row may be what matters."""
+
+
+def shares_of(shares: Iterable[float], rows: int) -> str:
+    """Return shares of a log's rows in percent, and small ones as the number of rows."""
+    return ", ".join(
+        f"{round(share * rows)} of {rows} rows" if 0.0 < share < SMALLEST_SHARE else f"{100.0 * share:.1f} %"
+        for share in shares
+    )

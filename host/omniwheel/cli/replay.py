@@ -21,6 +21,7 @@ from omniwheel.cli.log_options import (
     RobotOption,
     TruthOption,
     robot_and_calibration,
+    shares_of,
 )
 from omniwheel.cli.options import PLOT
 
@@ -155,7 +156,7 @@ def _print(facts: dict[str, Any]) -> None:
     console.print(f"dead reckoning on {by} ends at ({x:+.3f} m, {y:+.3f} m, {theta:+.3f} rad)")
     dropped = facts["dropped_counts"]
     if dropped is not None:
-        shares = ", ".join(f"{100.0 * share:.1f} %" for share in dropped["share"])
+        shares = shares_of(dropped["share"], facts["rows"])
         console.print(
             f"[yellow]counts dropped as spikes per wheel: {shares}.[/] With every count as logged the path would be "
             f"up to {dropped['moved_m']:.3f} m and {math.degrees(dropped['turned_rad']):.1f}° from this one"
