@@ -15,6 +15,7 @@ from omniwheel.robots import find_robot_file, read_robot
 
 if TYPE_CHECKING:
     from omniwheel.logs.calibration import Calibration
+    from omniwheel.logs.log import WheelLog
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{LOG_KINDS}.")]
 RobotOption = Annotated[str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot's name or file.")]
@@ -66,3 +67,13 @@ def shares_of(shares: Iterable[float], rows: int) -> str:
         f"{round(share * rows)} of {rows} rows" if 0.0 < share < SMALLEST_SHARE else f"{100.0 * share:.1f} %"
         for share in shares
     )
+
+
+MOST_JUMPS = 5
+
+
+def jumps_of_truth(log: WheelLog) -> list[str]:
+    """Say where the robot's own estimate, which is a log's truth, jumps; nothing if it does not."""
+    jumps = () if log.truth is None else log.truth.jumps
+    said = [f"at {jump.time_s:.2f} s {jump.text}: it goes on from where it was" for jump in jumps[:MOST_JUMPS]]
+    return [*said, f"it jumped {len(jumps)} times in all"] if len(jumps) > MOST_JUMPS else said

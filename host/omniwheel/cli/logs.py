@@ -19,6 +19,7 @@ from omniwheel.cli.log_options import (
     NoCalibrationOption,
     RobotOption,
     TruthOption,
+    jumps_of_truth,
     robot_and_calibration,
     shares_of,
 )
@@ -139,6 +140,8 @@ def align_command(
     if as_json:
         print_json(asdict(found))
         return
+    for text in jumps_of_truth(run_log):
+        console.print(f"[yellow]{text}[/]", soft_wrap=True)
     console.print(
         f"clock offset {found.offset_s:+.2f} s ({found.offset_low_s:+.2f} to {found.offset_high_s:+.2f} s fit "
         f"within 5 %)\n"
