@@ -13,7 +13,7 @@ from omni_schema import ParameterTable, load_parameters
 from omniwheel.burst import SIGNALS, Burst, parse_burst
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
 from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count
-from omniwheel.commands import Commander, message_id
+from omniwheel.commands import CANCELLED, Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_guard import DriveGuard
@@ -178,8 +178,12 @@ class Robot:
         self.guard.begin()  # already now: Ctrl-C while the answer is on its way must disarm, too
         try:
             self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
-        except ArmingRefusedError:
-            self.guard.end()
+        except ArmingRefusedError as error:
+            if error.result != CANCELLED:
+                self.guard.end()
+            else:
+                with suppress(OmniError):
+                    self.disarm()  # a copy may still be on its way to the robot: this comes behind it
             raise
 
     def disarm(self) -> None:
