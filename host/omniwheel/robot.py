@@ -25,7 +25,7 @@ from omniwheel.hub.shared_link import open_shared
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.link import Link
 from omniwheel.log_download import LogDownload, Progress
-from omniwheel.parameters import SYSTEM, Parameters, checked_value
+from omniwheel.parameters import Parameters, checked_value
 from omniwheel.paths import params_path
 from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
 from omniwheel.signing import Signer, fingerprint, setup_message
@@ -414,11 +414,11 @@ class Robot:
             self.on_store()
 
     def restore(self) -> None:
-        """Read the parameters back from non-volatile memory."""
+        """Read the parameters back from non-volatile memory, except SYS_ID."""
         self._storage(_RESTORE, "to restore the stored parameters")
 
     def reset_parameters(self) -> None:
-        """Set all parameters to the robot file's values (not stored until :meth:`store`)."""
+        """Set all parameters but SYS_ID to the robot file's values (not stored until :meth:`store`)."""
         self._storage(_RESET, "to reset the parameters")
 
     # ---- message signing on the radio
@@ -446,11 +446,9 @@ class Robot:
         raise CommandRefusedError("the signing key", "DENIED", self.texts.reasons_since(mark))
 
     def _storage(self, action: int, what: str) -> None:
-        with self.connection.following():
-            self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
-            if action != _STORE:  # storing changes no value; else this may be another SYS_ID
-                self.parameters.forget()
-                self.parameters.read(SYSTEM)
+        self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
+        if action != _STORE:  # storing changes no value
+            self.parameters.forget()
 
     def reboot(self) -> None:
         """Restart the firmware; refused while armed."""
