@@ -8,6 +8,7 @@ advances the simulation, the same code runs deterministically.
 from __future__ import annotations
 
 import os
+import struct
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -15,7 +16,7 @@ from typing import Any
 
 from omniwheel.default_key import default_key
 from omniwheel.dialect import HUB_COMPONENT, Message, is_addressed, is_autopilot, mavlink, take_bytes, tells_time
-from omniwheel.errors import OmniError, SeveralRobotsError
+from omniwheel.errors import OmniError, SetpointError, SeveralRobotsError
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -38,7 +39,7 @@ def own_station() -> int:
     given = os.environ.get("OMNI_STATION", "")
     if not given:
         return GROUND_STATION_ID
-    if not (given.isdecimal() and 1 <= int(given) <= GROUND_STATION_ID):
+    if not (given.isdecimal() and len(given) <= 3 and 1 <= int(given) <= GROUND_STATION_ID):
         raise OmniError(f"OMNI_STATION is {given!r}; a station's number is 1 to 255", hint="take 255 downwards")
     return int(given)
 
@@ -122,13 +123,20 @@ class Connection:
             self.next_heartbeat_s = before
 
     def send(self, message: Message) -> None:
-        """Send one message. Raises SeveralRobotsError for one that another robot on the line would take for its own."""
+        """Send one message.
+
+        Raises SeveralRobotsError for one that another robot on the line would take for its own, SetpointError for a
+        number that does not fit its field. Nothing is sent then.
+        """
         if self.other_systems and not is_addressed(message):
             systems = sorted({self.target_system, *self.other_systems})
             raise SeveralRobotsError(self.link.url, systems, message.get_type())
         if self.signer is not None:
             self.signer.before_sending(self._codec)
-        self._codec.send(message)
+        try:
+            self._codec.send(message)
+        except (struct.error, OverflowError) as error:  # while it packs the fields
+            raise SetpointError(f"a number of {message.get_type()} does not fit its field: {error}") from error
 
     def write_frame(self, frame: bytes) -> None:
         """Send and record one whole frame."""

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 from omni_schema import ParameterTable, load_parameters
-from omniwheel.burst import SIGNALS, Burst, parse_burst
+from omniwheel.burst import Burst, parse_burst
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
 from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count
 from omniwheel.commands import CANCELLED, Commander, message_id
@@ -27,7 +27,15 @@ from omniwheel.link import Link
 from omniwheel.log_download import LogDownload, Progress
 from omniwheel.parameters import Parameters, checked_value
 from omniwheel.paths import params_path
-from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
+from omniwheel.setpoints import (
+    burst_request,
+    duty_target,
+    excitation_request,
+    finite,
+    pose_fix_message,
+    pose_target,
+    velocity_target,
+)
 from omniwheel.signing import Signer, fingerprint, setup_message
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import SigningStatus, TelemetryT, decode
@@ -36,8 +44,6 @@ from omniwheel.texts import TextLog
 FORCE = 21196.0
 """Param 2 of the arm/disarm command that MAVLink defines as "do it anyway"."""
 SETPOINT_PERIOD_S = 0.05
-PLACES = {"wheel": 1, "voltage": 2, "pose": 3}
-"""Where :meth:`Robot.excite` can add a signal, and its number in MAV_CMD_OMNI_EXCITE."""
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
@@ -353,12 +359,7 @@ class Robot:
         ``wait`` the recording begins with the next experiment. A duration of 0 ends a recording early. Raises
         CommandRefusedError with the robot's reason, such as how much its memory holds.
         """
-        unknown = [name for name in signals if name not in SIGNALS]
-        if unknown:
-            raise ValueError(f"no signal is called {unknown[0]}; there are {', '.join(SIGNALS)}")
-        mask = float(sum(SIGNALS[name] for name in dict.fromkeys(signals)))
-        chosen = float(sum(1 << wheel for wheel in set(wheels)))
-        numbers = (finite("duration_s", duration_s), float(every), mask, chosen)
+        numbers = burst_request(duration_s, signals, every, wheels)
         self.commands.send(
             mavlink.MAV_CMD_OMNI_BURST, *numbers, what="to record a burst", last=(1.0 if wait else 0.0, 0.0)
         )
@@ -396,10 +397,9 @@ class Robot:
         a step, or a sine from ``from_hz`` to ``to_hz``. Only while armed. Raises CommandRefusedError with the robot's
         reason.
         """
-        numbers = [finite(name, value) for name, value in (("amplitude", amplitude), ("duration_s", duration_s))]
+        numbers = excitation_request(place, which, amplitude, duration_s)
         sweep = (finite("from_hz", from_hz), finite("to_hz", to_hz))
-        command = mavlink.MAV_CMD_OMNI_EXCITE
-        self.commands.send(command, float(PLACES[place]), float(which), *numbers, what="to excite a loop", last=sweep)
+        self.commands.send(mavlink.MAV_CMD_OMNI_EXCITE, *numbers, what="to excite a loop", last=sweep)
 
     def end_excitation(self) -> None:
         """End an excitation that goes on; nothing happens without one."""
