@@ -6,23 +6,25 @@ The rules for people are in docs/guides/hub.md.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import HUB_COMPONENT, TRIAL_BACK, Message, is_autopilot, mavlink, take_bytes
+from omniwheel.dialect import TRIAL_BACK, Message, is_autopilot, mavlink, take_bytes
 from omniwheel.hub import wire
 from omniwheel.hub.client import Client
 from omniwheel.hub.followed import FollowedRobot
 from omniwheel.hub.in_command import InCommand
 from omniwheel.hub.outbox import NEWEST_COUNTS, Outbox, Waiting
+from omniwheel.hub.own_messages import OwnMessages
 from omniwheel.hub.parameter_requests import ParameterRequests
-from omniwheel.hub.pending import Pending, Question
+from omniwheel.hub.pending import Pending
 from omniwheel.hub.rules import (
     HANDED_OVER,
     HELLO,
+    NOBODY,
     Kind,
     is_command,
     is_disarm,
@@ -36,17 +38,12 @@ from omniwheel.hub.streams import Streams
 from omniwheel.hub.trials import Trials
 from omniwheel.signing import Signer
 
-HUB_SYSTEM = 255
 NAME_CHARACTERS = 25
 """Of a client's name in a status text."""
-NOBODY = -1
-"""The hub itself, where a client's number is asked for."""
 HEARTBEAT_S = 0.9
 """While nobody commands, the robot hears one heartbeat of a station in this time, whichever client sends it."""
 RESTART_MS = 1000
 """A clock that goes back by more than this is a restart."""
-OWN_TRY_S = 1.0
-OWN_TRIES = 10
 _TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
 _ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -88,16 +85,13 @@ class Hub:
         self._signer = signer
         self._stamp = None if signer is None else wire.Stamp(signer)
         self._port: Any = self._new_parser()
-        self._own: Any = mavlink.MAVLink(None, HUB_SYSTEM, HUB_COMPONENT)
-        self._own_s = float("-inf")
-        self._own_number = 0
-        self._own_tries: Counter[tuple[int, float]] = Counter()
+        self._own = OwnMessages()
         self._robot = FollowedRobot(settings.system_id)
         self._boot_ms = 0
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}
         self._handed_over: int | None = None
-        self._trials = Trials(clock, lambda: self._send_own(_TRIAL, (TRIAL_BACK,), Kind.OTHER), NOBODY)
+        self._trials = Trials(clock, self._end_trial, NOBODY)
         self._next = 1
 
     # ---- clients
@@ -117,7 +111,6 @@ class Hub:
         self._outbox.forget(number)
         self._pending.forget(number)
         self.streams.leave(number)
-        self._own_s = float("-inf")
         self._say(f"{client.name} has gone")
         self._trials.leave(number)
         if self.command.leave(number):
@@ -137,8 +130,6 @@ class Hub:
         self.is_open = True
         self._port = self._new_parser()
         self.streams.restart()
-        self._own_tries.clear()
-        self._own_s = float("-inf")
         if not quiet:
             self.announce_open()
 
@@ -222,7 +213,12 @@ class Hub:
         elif kind is Kind.HEARTBEAT:
             self._beat(client, message)
         elif kind is Kind.INTERVAL and (wish := wish_of(message)) is not None:
-            self._interval(client, message, *wish)
+            if self.streams.is_new(client.number, *wish, set(self.clients), now_s):
+                self._ask(client, message, Kind.INTERVAL)
+            else:
+                self._acknowledge(client, message, _ACCEPTED)  # somebody wants as much or more, and gets it
+        elif kind is Kind.STREAM:
+            self.streams.group(client.number, message)
         elif self._is_new(client, message, kind) and self._may_try(client, message):
             self._ask(client, message, kind)
 
@@ -297,27 +293,9 @@ class Hub:
             self._beaten_s[station] = now_s
             self._ask(client, message, Kind.HEARTBEAT)
 
-    def _interval(self, client: Client, message: Message, number: int, interval_us: float) -> None:
-        self.streams.wish(client.number, number, interval_us)
-        wanted = self.streams.merged(number, set(self.clients))
-        if self.streams.in_force.get(number) == wanted and number in self.streams.accepted:
-            self._acknowledge(client, message, _ACCEPTED)
-        elif wanted == interval_us:
-            self.streams.in_force[number] = wanted
-            self._ask(client, message, Kind.INTERVAL)
-        else:
-            self._acknowledge(client, message, _ACCEPTED)  # somebody wants more, and gets it
-
     def _is_new(self, client: Client, message: Message, kind: Kind) -> bool:
         """Return whether the robot must hear a request, or somebody has asked the same just now."""
         now_s = self._clock()
-        if kind is Kind.STREAM:
-            rate_hz = float(message.req_message_rate) if message.start_stop else 0.0
-            new = self.streams.group(client.number, int(message.req_stream_id), rate_hz, now_s)
-            if new:  # the robot forgets single messages' intervals with it
-                self.streams.in_force.clear()
-                self._own_s = now_s
-            return new
         if kind is Kind.LIST:
             return self._parameters.list_is_new(now_s)
         if kind is Kind.READ:
@@ -359,6 +337,7 @@ class Hub:
             return
         self._sequence = message.get_seq()
         self._watch_clock(getattr(message, "time_boot_ms", self._boot_ms))
+        self.streams.hear(message.get_msgId(), self._boot_ms)
         if message.get_type() == "PARAM_VALUE":
             self._robot.watch_parameter(message)
             self._parameters.seen(message, self._clock())
@@ -380,8 +359,6 @@ class Hub:
         """A clock that goes back is a robot that has restarted: it does not know the wishes any more."""
         if boot_ms + RESTART_MS < self._boot_ms:
             self.streams.restart()
-            self._own_tries.clear()
-            self._own_s = float("-inf")
         self._boot_ms = boot_ms
 
     def _fan_out(self, message: Message) -> None:
@@ -389,7 +366,7 @@ class Hub:
         if message.get_type() == "COMMAND_ACK":
             question, others = self._pending.answered(message, self._robot.source)
             if question is not None:
-                self._interval_answered(question, message)
+                self.streams.answered(question, message.result)
                 self._trials.answered(question, message)
                 if question.client == NOBODY:
                     return
@@ -397,17 +374,6 @@ class Hub:
         for client in self.clients.values():
             if client.number not in others and not self.streams.is_muted(client.number, message.get_msgId()):
                 client.out += raw if client.raw else plain
-
-    def _interval_answered(self, question: Question, ack: Message) -> None:
-        if question.about is None:
-            return
-        number, interval_us = question.about
-        if ack.result == _ACCEPTED:
-            self.streams.in_force[number] = interval_us
-            self.streams.accepted.add(number)
-            self._own_tries.clear()
-        elif ack.result != _LATER:
-            self.streams.refused(question.client, number)
 
     # ---- what is due
 
@@ -424,19 +390,10 @@ class Hub:
             client = self.clients[frame.client]
             client.left_out += 1
             self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
-        if self.is_open and now_s - self._own_s >= OWN_TRY_S:
-            self._own_s = now_s
-            self._ask_for_streams()
         if self.is_open:
+            for number, interval_us in self.streams.due(set(self.clients), now_s):
+                self._send_own(self._own.interval(self._robot.source, number, interval_us), Kind.INTERVAL)
             self._trials.serve()
-
-    def _ask_for_streams(self) -> None:
-        """Ask the robot for what the clients' wishes come to, where that is not what it was asked for last."""
-        for number, interval_us in self.streams.outdated(set(self.clients)):
-            self._own_tries[number, interval_us] += 1
-            if self._own_tries[number, interval_us] > OWN_TRIES:
-                continue
-            self._send_own(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (number, interval_us), Kind.INTERVAL)
 
     def _may_try(self, client: Client, message: Message) -> bool:
         """Return whether a request may go to the robot: the trial of one client is kept from the others."""
@@ -451,16 +408,15 @@ class Hub:
         self._refuse(client.number, message, _LATER if self._trials.end_pending else _DENIED)
         return False
 
-    def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
-        """Send a command of the hub itself; its answer is for no client."""
-        self._own_number = self._own_number % 65535 + 1
-        numbers = (*params, *[0.0] * (4 - len(params)))
-        message = mavlink.MAVLink_command_long_message(
-            *self._robot.source, command, 0, *numbers, self._own_number, 0, 0
-        )
-        message.pack(self._own)
-        self._own.seq = (self._own.seq + 1) % 256
-        if self._outbox.add(self._waiting(NOBODY, message, kind)):
+    def _end_trial(self) -> None:
+        self._send_own(self._own.trial(self._robot.source, TRIAL_BACK), Kind.OTHER)
+
+    def _send_own(self, message: Message, kind: Kind) -> None:
+        """Send what the hub asks by itself. The answer to a command is for no client."""
+        frame = self._waiting(NOBODY, message, kind)
+        if is_command(message):
+            frame.slot = (target_of(message), message.command, message.param1)  # asked again, it has another number
+        if self._outbox.add(frame) and is_command(message):
             self._pending.ask(NOBODY, message, False, self._clock())
 
     # ---- saying things

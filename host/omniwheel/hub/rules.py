@@ -10,6 +10,8 @@ from enum import Enum, IntEnum, auto
 
 from omniwheel.dialect import Message, mavlink
 
+NOBODY = -1
+"""The hub itself, where a client's number is asked for."""
 HELLO = "this is "
 """How a text begins with which a client says its name."""
 HANDED_OVER = "this was "
