@@ -13,7 +13,7 @@ from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
 from omniwheel.dialect import TRIAL_BACK, Message, is_autopilot, mavlink, take_bytes
-from omniwheel.hub import wire
+from omniwheel.hub import notices, wire
 from omniwheel.hub.client import Client
 from omniwheel.hub.followed import FollowedRobot
 from omniwheel.hub.in_command import InCommand
@@ -26,11 +26,13 @@ from omniwheel.hub.rules import (
     HELLO,
     NOBODY,
     Kind,
+    Stop,
     is_command,
     is_disarm,
     kind_of,
     receipt_of,
     source_of,
+    stop_of,
     target_of,
     wish_of,
 )
@@ -242,24 +244,30 @@ class Hub:
 
     def _stop(self, client: Client, message: Message) -> None:
         now_s = self._clock()
-        for frame in self._outbox.remove(_MOVES):
+        system = target_of(message).system
+        for frame in self._outbox.remove(_MOVES, system):
             self._refuse(frame.client, frame.message, _DENIED)
             self._tell(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
         if not self.is_open:
             self._refuse(client.number, message, _LATER)
             self._tell(client, f"hub: {self.settings.name} is gone: no stop", _CRITICAL, "port")
             return
-        self._pending.overtake(now_s)
+        self._pending.overtake(system, now_s)
         if is_command(message):
             self._pending.ask(client.number, message, False, now_s)
         self._outbox.stop(self._waiting(client.number, message, Kind.STOP))
-        holder = self.command.holder
-        if holder == client.number and is_disarm(message) and not self.command.armed:
-            self.command.release()
+        if self.command.holder == client.number and is_disarm(message) and not self.command.armed:
+            self.command.finish()
             self._released(client, "has disarmed")
-        elif holder not in (None, client.number):
-            self.command.revoke(now_s)
-            self._released(self.clients[holder], f"was stopped by {client.name}")
+        elif self.command.is_ended_by(client.number, system):
+            self._end_drive(client, held=stop_of(message) is Stop.HOLD)
+
+    def _end_drive(self, by: Client, *, held: bool) -> None:
+        """A client has stopped what another one drives: tell that one, which may only send set-points or look on."""
+        driver = self.command.revoke(self._clock())
+        self._tell_all(notices.stopped(by.name, held=held), _WARNING, but=by.number)
+        if driver is not None:
+            self._released(self.clients[driver], f"was {'held' if held else 'stopped'} by {by.name}")
 
     def _move(self, client: Client, message: Message, kind: Kind) -> None:
         now_s = self._clock()
@@ -267,18 +275,25 @@ class Hub:
         if is_command(message) and self._pending.is_overtaken(client.number, message, now_s):
             self._tell(client, "hub: a stop came first", _WARNING, "overtaken")
             self._refuse(client.number, message, _DENIED)
-        elif not self.command.may_move(client.number, now_s, stream=kind is Kind.SETPOINT):
+        elif not self.command.may_move(
+            client.number, now_s, stream=kind is Kind.SETPOINT, system=target_of(message).system
+        ):
             self._refuse_move(client, message)
         else:
             if before is None:
                 self._say(f"{client.name} commands")
-                self._tell_all(f"hub: {client.name} commands", _NEWS, but=client.number)
+                self._tell_all(notices.commands(client.name), _NEWS, but=client.number)
             self._ask(client, message, kind)
 
     def _refuse_move(self, client: Client, message: Message) -> None:
         holder = self.command.holder
-        why = "pause before you take over" if holder is None else f"{self.clients[holder].name} commands"
-        self._tell(client, f"hub: refused, {why}", _WARNING, "" if is_command(message) else "set-points")
+        if holder is not None:
+            text = notices.refused(self.clients[holder].name)
+        elif self.command.has_ended(client.number, self._clock()):
+            text = notices.DRIVE_ENDED
+        else:
+            text = notices.PAUSE_FIRST
+        self._tell(client, text, _WARNING, "" if is_command(message) else "set-points")
         self._refuse(client.number, message, _DENIED)
 
     def _beat(self, client: Client, message: Message) -> None:
@@ -352,7 +367,7 @@ class Hub:
         if self.command.robot_says(armed, now_s) and holder is not None:
             self._released(self.clients[holder], "is done: the robot is not armed")
         if not armed and holder is not None and holder == self._handed_over:
-            self.command.release()
+            self.command.finish()
         self._handed_over = None
 
     def _watch_clock(self, boot_ms: int) -> None:
@@ -440,7 +455,7 @@ class Hub:
 
     def _released(self, client: Client, why: str) -> None:
         self._say(f"{client.name} {why}; nobody commands")
-        self._tell_all("hub: nobody commands", _NEWS)
+        self._tell_all(notices.NOBODY_COMMANDS, _NEWS)
 
     def _say(self, line: str) -> None:
         self.events.append(line)

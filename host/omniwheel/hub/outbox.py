@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from omniwheel.byte_budget import ByteBudget
 from omniwheel.dialect import Message
-from omniwheel.hub.rules import Kind, Stop, stop_of
+from omniwheel.hub.rules import Kind, Stop, may_be_same, stop_of, target_of
 
 STALE_S = 0.25
 """A set-point or pose fix that has waited for so long is not sent any more."""
@@ -103,12 +103,16 @@ class Outbox:
         if client in self._turns:
             self._turns.remove(client)
 
-    def remove(self, kinds: Iterable[Kind]) -> list[Waiting]:
-        """Take all frames of these kinds out and return them."""
+    def remove(self, kinds: Iterable[Kind], system: int) -> list[Waiting]:
+        """Take all frames of these kinds out that are for the robot ``system``, and return them; 0 is every robot."""
         wanted = tuple(kinds)
-        removed = [frame for queue in self._queues.values() for frame in queue if frame.kind in wanted]
+
+        def stays(frame: Waiting) -> bool:
+            return frame.kind not in wanted or not may_be_same(system, target_of(frame.message).system)
+
+        removed = [frame for queue in self._queues.values() for frame in queue if not stays(frame)]
         for client, queue in self._queues.items():
-            self._queues[client] = deque(frame for frame in queue if frame.kind not in wanted)
+            self._queues[client] = deque(filter(stays, queue))
         return removed
 
     def clear(self) -> list[Waiting]:

@@ -166,6 +166,11 @@ def wish_of(message: Message) -> tuple[int, float] | None:
     return (int(number), interval_us) if takes else None
 
 
+def may_be_same(system: int, other: int) -> bool:
+    """Return whether two system ids may mean one robot: 0 is every one."""
+    return 0 in (system, other) or system == other
+
+
 @dataclass(frozen=True)
 class Target:
     """Whom a message is for; 0 is everybody."""
