@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import TRIAL_BACK, Message, is_autopilot, mavlink, take_bytes
+from omniwheel.dialect import TRIAL_ASK, Message, is_autopilot, mavlink, take_bytes
 from omniwheel.hub import notices, wire
 from omniwheel.hub.client import Client
 from omniwheel.hub.followed import FollowedRobot
@@ -37,7 +37,7 @@ from omniwheel.hub.rules import (
     wish_of,
 )
 from omniwheel.hub.streams import Streams
-from omniwheel.hub.trials import Trials
+from omniwheel.hub.trials import TIMEOUT, Trials
 from omniwheel.signing import Signer
 
 NAME_CHARACTERS = 25
@@ -93,7 +93,8 @@ class Hub:
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}
         self._handed_over: int | None = None
-        self._trials = Trials(clock, self._end_trial, NOBODY)
+        self._trials = Trials(clock, self._send_trial)
+        self._is_new_robot = True
         self._next = 1
 
     # ---- clients
@@ -132,6 +133,7 @@ class Hub:
         self.is_open = True
         self._port = self._new_parser()
         self.streams.restart()
+        self._is_new_robot = True
         if not quiet:
             self.announce_open()
 
@@ -229,6 +231,8 @@ class Hub:
         name = text.removeprefix(HANDED_OVER if handed_over else HELLO)
         client.name = "".join(character for character in name if character.isprintable())[:NAME_CHARACTERS]
         self._say(f"{client.name} is here")
+        if handed_over:
+            self._trials.had_port(client.number)
         if handed_over and self.command.may_move(client.number, self._clock(), stream=False):
             client.raw = True
             self._handed_over = client.number  # it may be driving: the robot's next heartbeat tells
@@ -301,6 +305,7 @@ class Hub:
         if message.type != mavlink.MAV_TYPE_GCS:
             return
         now_s = self._clock()
+        self._trials.heard(client.number)
         alone = client.number == self.command.holder
         station = source_of(message)
         due = now_s - self._beaten_s.get(station, float("-inf")) >= HEARTBEAT_S
@@ -355,14 +360,20 @@ class Hub:
         self.streams.hear(message.get_msgId(), self._boot_ms)
         if message.get_type() == "PARAM_VALUE":
             self._robot.watch_parameter(message)
+            self._trials.watch_parameter(message)
             self._parameters.seen(message, self._clock())
 
     def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
-        now_s = self._clock()
+        now_s, before = self._clock(), self._robot.source
         if not self._robot.accept_heartbeat(source, now_s):
             if armed:
                 self.command.note_other_armed_robot(now_s)
             return
+        if source != before:
+            self._trials.moved(before, source)
+        if self._is_new_robot or source != before:
+            self._is_new_robot = False
+            self._trials.look(source)
         holder = self.command.holder
         if self.command.robot_says(armed, now_s) and holder is not None:
             self._released(self.clients[holder], "is done: the robot is not armed")
@@ -374,6 +385,7 @@ class Hub:
         """A clock that goes back is a robot that has restarted: it does not know the wishes any more."""
         if boot_ms + RESTART_MS < self._boot_ms:
             self.streams.restart()
+            self._is_new_robot = True
         self._boot_ms = boot_ms
 
     def _fan_out(self, message: Message) -> None:
@@ -382,7 +394,7 @@ class Hub:
             question, others = self._pending.answered(message, self._robot.source)
             if question is not None:
                 self.streams.answered(question, message.result)
-                self._trials.answered(question, message)
+                self._trials.answered(question, message, self._robot.source)
                 if question.client == NOBODY:
                     return
         plain, raw = wire.unsigned(message), bytes(message.get_msgbuf())
@@ -414,17 +426,21 @@ class Hub:
         """Return whether a request may go to the robot: the trial of one client is kept from the others."""
         if not is_command(message) or message.command != _TRIAL:
             return True
-        if self._trials.may_try(client.number, message.param1):
+        if self._trials.may_try(client.number, message, self._robot.source):
             return True
-        if self._trials.end_pending:
+        number = self._trials.owner(target_of(message).or_robot(self._robot.source))
+        owner = None if number is None else self.clients.get(number)
+        if owner is None:
             self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
-        elif self._trials.client is not None:
-            self._tell(client, f"hub: {self.clients[self._trials.client].name} tries parameters", _WARNING)
-        self._refuse(client.number, message, _LATER if self._trials.end_pending else _DENIED)
+        else:
+            self._tell(client, f"hub: {owner.name} tries parameters", _WARNING)
+        self._refuse(client.number, message, _LATER if owner is None else _DENIED)
         return False
 
-    def _end_trial(self) -> None:
-        self._send_own(self._own.trial(self._robot.source, TRIAL_BACK), Kind.OTHER)
+    def _send_trial(self, robot: tuple[int, int], action: float) -> None:
+        if action == TRIAL_ASK:
+            self._send_own(self._own.read(robot, TIMEOUT), Kind.READ)
+        self._send_own(self._own.trial(robot, action), Kind.OTHER)
 
     def _send_own(self, message: Message, kind: Kind) -> None:
         """Send what the hub asks by itself. The answer to a command is for no client."""
