@@ -24,8 +24,7 @@ float standard_deviation(float variance) {
     return variance > 0.0f ? omni_sqrtf(variance < most ? variance : most) : 0.0f;
 }
 
-/// Whether a quaternion is a rotation: of length 1, but for rounding. A lost tracker's zeros are not, near the estimate,
-/// too.
+/// Whether a quaternion is a rotation: of length 1, but for rounding. A lost tracker's zeros are none.
 bool is_rotation(const float (&q)[4]) {
     constexpr float off = 0.01f;
     const float square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
