@@ -24,7 +24,7 @@ OMNI_COLD CommandMemory::Entry &CommandMemory::find(const Key &key) {
 
 /// Of a command whose first copy was lost: had the latest stop come by the time that copy was sent? A stop by the
 /// sender itself had: its messages come in the order in which it sent them, and it repeats nothing from before.
-bool CommandMemory::may_be_overtaken(const Sender &sender, uint64_t now_us) const {
+OMNI_COLD bool CommandMemory::may_be_overtaken(const Sender &sender, uint64_t now_us) const {
     return stops_ > 0 && !(stopper_ == sender) && now_us - stopped_us_ <= repeating_us;
 }
 
@@ -39,6 +39,10 @@ OMNI_COLD CommandMemory::Verdict CommandMemory::take(const Key &key, bool repeat
         return Verdict::overtaken;
     }
     return repeated && entry.accepted ? Verdict::executed : Verdict::execute;
+}
+
+OMNI_COLD void CommandMemory::accepted(const Key &key) {
+    find(key).accepted = true;
 }
 
 OMNI_COLD void CommandMemory::stopped(const Sender &by, uint64_t now_us) {

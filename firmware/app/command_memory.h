@@ -43,7 +43,7 @@ public:
     /// begin a motion or release a stop: one that was overtaken must not be executed.
     Verdict take(const Key &key, bool repeated, bool begins, uint64_t now_us);
     /// It was executed and accepted.
-    void accepted(const Key &key) { find(key).accepted = true; }
+    void accepted(const Key &key);
     /// Somebody has stopped the robot or had it hold.
     void stopped(const Sender &by, uint64_t now_us);
 

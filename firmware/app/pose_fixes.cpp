@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "app/cold.h"
 #include "app/core.h"
 #include "app/frames.h"
 
@@ -94,7 +95,7 @@ bool PoseFixes::frozen(const omni_pose_t &world) {
 /// A tracker that has lost its object sends zeros. A measurement is exactly zero in all three only if it has no noise,
 /// as in a simulation: it is then near the estimate and can be used. Far from it the zeros would become the pose, after
 /// some outliers, and a robot that holds would drive off.
-bool PoseFixes::zeros_of_lost(const omni_pose_t &world) const {
+OMNI_COLD bool PoseFixes::zeros_of_lost(const omni_pose_t &world) const {
     const omni_pose_t &at = robot_.latest().outputs.pose;
     const bool zeros = world.x == 0.0f && world.y == 0.0f && world.theta == 0.0f;
     return zeros && !(omni_absf(at.x) <= most_zero_offset && omni_absf(at.y) <= most_zero_offset &&
