@@ -45,7 +45,7 @@ uint8_t queued_result(bool done) {
 
 } // namespace
 
-void Commands::on_command_long(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Commands::on_command_long(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_long_t>();
     handle({message.command,
             {message.param1, message.param2, message.param3, message.param4, message.param6, message.param7},
@@ -55,7 +55,7 @@ void Commands::on_command_long(const Frame &frame, const Sender &sender) {
             message.confirmation > 0});
 }
 
-void Commands::on_command_int(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Commands::on_command_int(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_int_t>();
     handle({message.command,
             {message.param1, message.param2, message.param3, message.param4, static_cast<float>(message.y), message.z},
@@ -94,7 +94,7 @@ OMNI_COLD Commands::Effect Commands::effect_of(const Command &command) {
     }
 }
 
-uint8_t Commands::result_of(const Command &command) {
+OMNI_COLD uint8_t Commands::result_of(const Command &command) {
     const Effect effect = effect_of(command);
     if (effect == Effect::ends) {
         memory_.stopped(command.sender, clock_.now_us);
@@ -159,7 +159,7 @@ uint8_t Commands::run_motion(const Command &command) {
     return result;
 }
 
-uint8_t Commands::run(const Command &command) {
+OMNI_COLD uint8_t Commands::run(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case cmd_arm:
@@ -187,7 +187,7 @@ uint8_t Commands::run(const Command &command) {
     }
 }
 
-uint8_t Commands::run_own(const Command &command) {
+OMNI_COLD uint8_t Commands::run_own(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case MAV_CMD_OMNI_HIL:
