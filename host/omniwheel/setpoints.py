@@ -42,14 +42,19 @@ _FLOAT32_MAX = float.fromhex("0x1.fffffep+127")
 
 def finite(name: str, value: float) -> float:
     """Return ``value``; raise SetpointError if it is not a finite number, or too large for MAVLink's float32."""
+    number = _finite_double(name, value)
+    if abs(number) > _FLOAT32_MAX:
+        raise SetpointError(f"{name} is {number:g}; at most {_FLOAT32_MAX:.4g} can be sent")
+    return number
+
+
+def _finite_double(name: str, value: float) -> float:
     try:
         number = float(value)
     except OverflowError:  # a Python int may have any length
         number = math.inf if value > 0 else -math.inf
     if not math.isfinite(number):
         raise SetpointError(f"{name} is {number}; a finite number is needed")
-    if abs(number) > _FLOAT32_MAX:
-        raise SetpointError(f"{name} is {number:g}; at most {_FLOAT32_MAX:.4g} can be sent")
     return number
 
 
@@ -162,7 +167,7 @@ def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta
 
 def _known(name: str, sd: float) -> bool:
     """Whether a standard deviation is known: above 0. Raises SetpointError for what is none."""
-    if finite(name, sd) < 0.0:
+    if _finite_double(name, sd) < 0.0:
         raise SetpointError(f"{name} is {sd:g}; a standard deviation is not negative. 0: not known")
     return sd > 0.0
 

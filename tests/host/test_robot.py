@@ -328,6 +328,7 @@ BEYOND: dict[str, Any] = {
     "int velocity": lambda robot: robot.set_velocity(HUGE, 0.0, 0.0),
     "pose": lambda robot: robot.set_pose(1e300, 0.0, 0.0),
     "pose fix": lambda robot: robot.send_pose_fix(1e300, 0.0, 0.0),
+    "deviation of a fix": lambda robot: robot.send_pose_fix(0.0, 0.0, 0.0, sd_xy_m=HUGE),
     "time of a fix": lambda robot: robot.send_pose_fix(0.0, 0.0, 0.0, time_us=2**70),
     "waypoint": lambda robot: robot.set_waypoints([(0.0, 1e300, 0.0)]),
     "burst": lambda robot: robot.start_burst(1e300),
