@@ -18,7 +18,6 @@ from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
 from omniwheel import __version__, files
 from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
-from omniwheel.moved import moved
 from omniwheel.plain import finite
 
 PICTURE_FILE = "run.png"
@@ -119,6 +118,3 @@ def _versions(table: ParameterTable) -> dict[str, Any]:
         "python": platform.python_version(),
         "numpy": np.__version__,
     }
-
-
-__getattr__ = moved(__name__, {"load_run": "omniwheel.logs.run_folder"})

@@ -59,8 +59,6 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar
 
-from omniwheel.moved import moved
-
 
 class OmniError(Exception):
     """Base of everything this package raises on purpose."""
@@ -325,6 +323,3 @@ class MissingPackageError(OmniError):
 
 class VersionMismatchError(OmniError):
     """The robot's firmware and this package do not fit together."""
-
-
-__getattr__ = moved(__name__, {"LegacyStopError": "omniwheel.errors:HostControlStopError"})

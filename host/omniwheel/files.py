@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import IO, Any
 
 from omniwheel.errors import OutputFileError, OutputPathError
-from omniwheel.moved import moved
 
 _ALL = 0o666
 _HINTS = {
@@ -185,6 +184,3 @@ def _sync_folder(folder: Path) -> None:
             raise
     finally:
         os.close(descriptor)
-
-
-__getattr__ = moved(__name__, {"save_figure": "omniwheel.files:save_picture"})

@@ -19,7 +19,6 @@ from typing import Any
 from omniwheel import files
 from omniwheel.dialect import mavlink
 from omniwheel.errors import SigningKeyError
-from omniwheel.moved import moved
 
 KEY_BYTES = 32
 UNITS_PER_S = 100_000
@@ -136,6 +135,3 @@ def setup_message(system: int, component: int, key: bytes | None, now_s: float) 
     if key is None:
         return mavlink.MAVLink_setup_signing_message(system, component, list(bytes(KEY_BYTES)), 0)
     return mavlink.MAVLink_setup_signing_message(system, component, list(key), timestamp(now_s))
-
-
-__getattr__ = moved(__name__, dict.fromkeys(("default_key", "set_default_key"), "omniwheel.default_key"))

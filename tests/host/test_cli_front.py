@@ -265,7 +265,7 @@ def test_an_unknown_option_is_still_an_error() -> None:
 
 
 SEVERAL_MEANINGS = {"--link", "--port", "--param", "--set"}
-"""The robot's link or ports to offer; a serial or a TCP port; a range to search; omni host-control has -p for --set."""
+"""The robot's link or ports to offer; a serial or a TCP port; a range to search."""
 
 
 def test_an_option_has_the_same_short_form_in_every_command() -> None:

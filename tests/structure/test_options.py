@@ -9,8 +9,7 @@ from typing import Any
 
 import pytest
 
-from omniwheel.cli.command_table import OLD_OPTIONS, TABLE, OldOption, load
-from omniwheel.cli.old_options import with_new_names, with_old_key
+from omniwheel.cli.command_table import TABLE, load
 from tests.structure.options import declarations, declared_twice, meanings
 
 MEANINGS = {
@@ -73,39 +72,6 @@ def every_command() -> dict[str, Any]:
     return {name: command for entry in TABLE for name, command in commands(load(entry), entry.name)}
 
 
-def options_of(command: Any) -> set[str]:
-    return {word for option in command.params if option.param_type_name == "option" for word in option.opts}
-
-
-@pytest.mark.parametrize("entry", OLD_OPTIONS, ids=lambda entry: f"{entry.command} {entry.old}")
-def test_an_old_option_is_taken_and_not_shown(entry: OldOption) -> None:
-    head = entry.command.replace("drive --host-control", "host-control").replace("drive --legacy", "host-control")
-    below = {name: options_of(found) for name, found in every_command().items() if f"{name} ".startswith(f"{head} ")}
-    assert any(entry.new in options for options in below.values())
-    assert not any(entry.old in options for options in below.values())
-    said: list[str] = []
-    before = [*entry.command.split(), entry.old, "3", "--", entry.old]
-    assert with_new_names(before, said.append) == [
-        *entry.command.split(),
-        entry.new,
-        f"{3 * entry.factor:g}",
-        "--",
-        entry.old,
-    ]
-    assert entry.new in said[0]
-    assert entry.old in said[0]
-
-
-def test_an_old_option_may_hold_its_value() -> None:
-    said: list[str] = []
-    assert with_new_names(["soak", "--minutes=2"], said.append) == ["soak", "--duration=120"]
-    assert with_new_names(["host-control", "pose", "-pA=1"], said.append) == ["host-control", "pose", "--set=A=1"]
-    assert with_new_names(["soak", "--minutes", "long"], said.append) == ["soak", "--duration", "long"]
-    assert len(said) == 3
-    assert with_new_names(["runs", "--folder", "x"], said.append) == ["runs", "--folder", "x"]
-    assert len(said) == 3
-
-
 def test_one_thing_has_one_name() -> None:
     """The main result goes to --out, a picture beside it to --plot, and a robot is at --link."""
     for name, command in every_command().items():
@@ -117,11 +83,3 @@ def test_one_thing_has_one_name() -> None:
                 assert option.metavar == "FILE.png", name
             if said.startswith(("The XBee", "Robot: /dev")):
                 assert "--link" in words, name
-
-
-def test_a_json_key_is_there_under_its_old_name_too() -> None:
-    assert with_old_key({"picture": "run.png", "events": 2}, "picture") == {
-        "picture": "run.png",
-        "events": 2,
-        "report": "run.png",
-    }

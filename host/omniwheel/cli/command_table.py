@@ -92,39 +92,3 @@ TABLE = (
     Entry("reproduce", RECORD, "Repeat the research report's experiments", "reproduce", "reproduce"),
 )
 """In the order of ``omni --help``."""
-
-OLD_NAMES = {"legacy": "host-control"}
-"""Names that commands had until the latest release: they still work, and say what to type instead."""
-
-
-@dataclass(frozen=True)
-class OldOption:
-    """An option's name until the latest release. It still works in ``command``, and says what to type instead.
-
-    ``factor`` is by what its number is multiplied for the new option, where the unit has changed.
-    """
-
-    command: str
-    old: str
-    new: str
-    factor: float = 1.0
-
-
-OLD_OPTIONS = (
-    OldOption("robots new", "--folder", "--out"),
-    OldOption("identify telemetry", "--folder", "--out"),
-    OldOption("identify live", "--folder", "--out"),
-    OldOption("identify simulate", "--folder", "--out"),
-    OldOption("identify logs", "--report", "--page"),
-    OldOption("bringup all", "--folder", "--out"),
-    OldOption("check-image", "--report", "--out"),
-    OldOption("soak", "--minutes", "--duration", 60.0),
-    OldOption("drive velocity", "--world", "--world-frame"),
-    OldOption("emulate", "--world", "--with-world"),
-    *(
-        OldOption(command, old, new)
-        for command in ("host-control", "drive --host-control", "drive --legacy")
-        for old, new in (("--port", "--link"), ("--param", "--set"), ("-p", "--set"))
-    ),
-)
-"""What is said is what is typed: the main result goes to --out, a picture beside it to --plot, a robot is at --link."""

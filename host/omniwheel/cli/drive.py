@@ -39,8 +39,7 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
     from omniwheel.telemetry import Tracking
 
-HOST_CONTROL = ("--host-control", "--legacy")
-"""The option, and its old name for one more release."""
+HOST_CONTROL = "--host-control"
 
 
 class DriveGroup(TyperGroup):
@@ -48,7 +47,7 @@ class DriveGroup(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Read the group's words."""
-        return super().parse_args(ctx, ["host-control", *args[1:]] if args and args[0] in HOST_CONTROL else args)
+        return super().parse_args(ctx, ["host-control", *args[1:]] if args and args[0] == HOST_CONTROL else args)
 
 
 app = typer.Typer(

@@ -12,11 +12,10 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from omniwheel.build_record import load_record
-from omniwheel.cli.command_table import OLD_NAMES, TABLE, Entry, load
+from omniwheel.cli.command_table import TABLE, Entry, load
 from omniwheel.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, note, print_json
 from omniwheel.cli.completion import take_words_as_they_are
 from omniwheel.cli.front_page import print_front_page
-from omniwheel.cli.old_options import with_new_names
 from omniwheel.errors import OmniError
 from omniwheel.files import write_error
 from omniwheel.paths import MissingFileError
@@ -101,16 +100,12 @@ class OmniGroup(TyperGroup):
             raise _system_error(ctx, error) from error
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command, by its old name, too."""
-        new = OLD_NAMES.get(args[0])
-        if new is not None:
-            note(f"omni {args[0]} is now omni {new}; the old name goes away with the next release")
-        words = with_new_names([new or args[0], *args[1:]], note)
-        if words[0] not in _ENTRIES:
+        """Find the command; for one that does not exist suggest the closest name."""
+        if args[0] not in _ENTRIES:
             from omni_schema.errors import did_you_mean
 
-            ctx.fail(f"no such command: {words[0]}{did_you_mean(words[0], _ENTRIES)}")
-        return super().resolve_command(ctx, words)
+            ctx.fail(f"no such command: {args[0]}{did_you_mean(args[0], _ENTRIES)}")
+        return super().resolve_command(ctx, args)
 
 
 def warn_of_newer_sources() -> None:

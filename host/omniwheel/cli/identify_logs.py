@@ -12,7 +12,6 @@ from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
 from omniwheel.cli.log_options import RobotFileOption, RobotOption
-from omniwheel.cli.old_options import with_old_key
 from omniwheel.files import write_text
 from omniwheel.robots import read_robot
 
@@ -92,7 +91,7 @@ def identify_logs(
         "picture": str(folder / PICTURE_FILE),
     }
     if as_json:
-        print_json({**study_data(study, nominal), "files": with_old_key(files, "page")})
+        print_json({**study_data(study, nominal), "files": files})
         return
     _print_runs(study)
     for name, path in files.items():

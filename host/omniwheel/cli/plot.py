@@ -12,7 +12,6 @@ from rich.markup import escape
 
 from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
 from omniwheel.cli.log_options import PartOption
-from omniwheel.cli.old_options import with_old_key
 from omniwheel.cli.run_output import RunFolderError
 from omniwheel.errors import OmniError
 
@@ -63,7 +62,7 @@ def plot(
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
         raise RunFolderError(f"{run} holds another kind of run: {error!r}", hint="run it again") from error
     if json_wanted:
-        print_json(with_old_key({"picture": str(target)}, "picture"))
+        print_json({"picture": str(target)})
     else:
         console.print(escape(str(target)), soft_wrap=True)
 
@@ -81,7 +80,7 @@ def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None) 
     if json_wanted:
         document = {"picture": str(target), "numbers": record.numbers(), "events": len(record.events)}
         document |= {"pose_jumps": [asdict(jump) for jump in record.jumps], "notes": list(record.notes)}
-        print_json(with_old_key(document, "picture"))
+        print_json(document)
     else:
         console.print(f"{escape(str(target))}: {in_words(record.numbers())}")
         for note in record.notes:

@@ -30,7 +30,6 @@ from omniwheel.cli.common import (
     signals_interrupt,
     writable_path,
 )
-from omniwheel.cli.old_options import with_old_key
 from omniwheel.cli.options import (
     ASSIGNMENTS,
     DEFAULT_OUT,
@@ -163,7 +162,7 @@ def tune(
         trouble.found = told
         raise trouble
     if json_wanted:
-        print_json(with_old_key(told, "picture"))
+        print_json(told)
 
 
 class _Run:

@@ -15,7 +15,6 @@ from omniwheel.logs.log import Array, Mask, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping, TruthColumns
 from omniwheel.logs.spikes import reject_spikes
 from omniwheel.logs.wraps import counted_on, counter_steps, signed_steps, unwrapped_clock
-from omniwheel.moved import moved
 from omniwheel.table_file import TableFormat, read_table
 
 INTEGER_TOLERANCE = 0.05
@@ -345,6 +344,3 @@ def unwrap_heading(heading: Array, step_s: Array) -> tuple[Array, list[int]]:
     restarted = np.abs(turn) > MAX_TURN_RAD_S * step_s[1:]
     turn[restarted] = 0.0
     return np.concatenate(([0.0], np.cumsum(turn))), [int(row) + 1 for row in np.flatnonzero(restarted)]
-
-
-__getattr__ = moved(__name__, {"ImportReport": "omniwheel.logs.importer:ImportSummary"})

@@ -4,8 +4,5 @@
 from omniwheel.mocap.bridge import Bridge, BridgeCounts, BridgeSettings
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
 from omniwheel.mocap.streams import open_source
-from omniwheel.moved import moved
 
 __all__ = ["Bridge", "BridgeCounts", "BridgeSettings", "MocapPose", "MocapSource", "newest", "open_source"]
-
-__getattr__ = moved(__name__, {"BridgeStatistics": "omniwheel.mocap.bridge:BridgeCounts"})

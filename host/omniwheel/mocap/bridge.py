@@ -29,7 +29,6 @@ from omniwheel.limits import (
 )
 from omniwheel.link import Link
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
-from omniwheel.moved import moved
 from omniwheel.robot import Robot, connect
 from omniwheel.setpoints import compact_fix_message, pose_fix_message
 from omniwheel.timesync import TimeSync
@@ -244,6 +243,3 @@ class Bridge:
 
 def _is_known(measured: MocapPose) -> bool:
     return measured.sd_xy_m > 0.0 or measured.sd_theta_rad > 0.0
-
-
-__getattr__ = moved(__name__, {"BridgeStatistics": "omniwheel.mocap.bridge:BridgeCounts"})

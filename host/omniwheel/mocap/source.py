@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from omniwheel.frames import Pose
-from omniwheel.moved import moved
 
 
 @dataclass(frozen=True)
@@ -59,6 +58,3 @@ def newest(source: MocapSource, timeout_s: float) -> tuple[MocapPose | None, int
         latest, overtaken = pose, overtaken + 1
         pose = source.read(0.0)
     return latest, max(0, overtaken)
-
-
-__getattr__ = moved(__name__, dict.fromkeys(("ALLOWED", "open_source"), "omniwheel.mocap.streams"))

@@ -269,17 +269,8 @@ def test_the_command_simulates_and_draws(start: list[str], tmp_path: Path) -> No
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize("start", [["legacy"], ["drive", "--legacy"]])
-def test_the_old_name_of_the_command_still_works(start: list[str]) -> None:
-    result = run_cli(
-        *start, "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "1", "--json", code=1
-    )
-    assert not json.loads(result.stdout)["done"]
-    assert ("omni legacy is now omni host-control" in result.stderr) == (start == ["legacy"])
-
-
 def test_the_command_follows_a_path_and_says_when_it_did_not_finish() -> None:
-    words = ["host-control", "trajectory", "circle", "--simulate", "-p", "TRJ_SIZE=0.05", "--for", "3"]
+    words = ["host-control", "trajectory", "circle", "--simulate", "--set", "TRJ_SIZE=0.05", "--for", "3"]
     result = run_cli(*words, code=1)
     assert "not finished" in result.stderr
     assert "RMS error" in result.stdout
