@@ -137,7 +137,7 @@ def app_archive() -> Path:
     A conversion of a number that a whole number cannot hold ends the process (``CAST_TRAPS``), but for sanitized tests,
     where that would hide what the sanitizers say.
     """
-    sources = sorted((ROOT / "firmware" / "app").glob("*.cpp"))
+    sources = sorted((ROOT / "firmware" / "app").rglob("*.cpp"))
     return kept_library("app", sources, flags=() if os.environ.get("OMNI_SANITIZED") else CAST_TRAPS, static=True)
 
 

@@ -3,9 +3,9 @@
 
 #include <algorithm>
 
-#include "app/cold.h"
-#include "app/services.h"
-#include "app/status_light.h"
+#include "app/base/cold.h"
+#include "app/services/services.h"
+#include "app/services/status_light.h"
 
 namespace omni {
 namespace {

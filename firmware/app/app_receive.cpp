@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 /// What comes over the links: bytes, frames and the original robot's lines.
 #include "app/app.h"
-#include "app/cold.h"
-#include "app/text.h"
+#include "app/base/cold.h"
+#include "app/base/text.h"
 
 namespace omni {
 namespace {

@@ -15,7 +15,7 @@ from hil_sim.rt1062 import Channel, Machine, Options, Stop
 LOAD = "_ZN4omni10ParamStore4loadEPf"
 SAVE = "_ZN4omni10ParamStore4saveEPKfS2_"
 OK = 0
-"""``StoreResult::ok`` (``firmware/app/param_store.h``)."""
+"""``StoreResult::ok`` (``firmware/app/storage/param_store.h``)."""
 QUICK = 40
 """Time of an instruction [ns]: a tick still ends within its millisecond, and a start costs fewer of them."""
 BOOT_S = 0.4

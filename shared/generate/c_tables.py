@@ -127,7 +127,7 @@ def motor_drivers_header(table: ParameterTable) -> str:
         "#ifndef OMNI_MOTOR_DRIVERS_GEN_H",
         "#define OMNI_MOTOR_DRIVERS_GEN_H",
         "",
-        *(f'#include "app/{driver.name}.h"' for driver in drivers),
+        *(f'#include "app/drivers/{driver.name}.h"' for driver in drivers),
         "",
         "/** ROW(class, member, value) for each motor driver. */",
         "#define OMNI_MOTOR_DRIVERS(ROW) \\",

@@ -37,7 +37,8 @@ def cpp_header(table: TelemetryTable) -> str:
 def cpp_reports(table: TelemetryTable) -> str:
     """Return ``omni/reports_gen.h``: the function that fills each message, and the table of them.
 
-    firmware/app/reports.cpp includes it within namespace omni, behind the functions that the table's expressions call.
+    firmware/app/services/reports.cpp includes it within namespace omni, behind the functions that the table's
+    expressions call.
     """
     parts = [f"// SPDX-License-Identifier: MIT\n// {NOTICE}\n"]
     parts += [_cpp_function(report, table) for report in table.reports]

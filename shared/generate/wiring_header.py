@@ -56,7 +56,7 @@ GYRO_TEMPLATE = """\
 #include <cstddef>
 #include <cstdint>
 
-#include "app/{header}.h"
+#include "app/drivers/{header}.h"
 
 namespace omni::wiring {{
 
@@ -72,7 +72,7 @@ FLOW_TEMPLATE = """\
 
 #include <cstdint>
 
-#include "app/{header}.h"
+#include "app/drivers/{header}.h"
 
 namespace omni::wiring {{
 

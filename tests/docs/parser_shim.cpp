@@ -2,8 +2,8 @@
 // extern "C" access to what a link does with bytes: the firmware's parser, and its judgement of signatures.
 #include <cstring>
 
-#include "app/codec.h"
-#include "app/signing.h"
+#include "app/link/codec.h"
+#include "app/link/signing.h"
 
 namespace {
 

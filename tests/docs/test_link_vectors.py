@@ -37,7 +37,8 @@ def rows() -> dict[str, tuple[bool, tuple[str, ...]]]:
 @cache
 def library() -> ctypes.CDLL:
     app = ROOT / "firmware" / "app"
-    sources = [app / "codec.cpp", app / "signing.cpp", app / "record_store.cpp", app / "stops.cpp"]
+    names = ("link/codec.cpp", "link/signing.cpp", "storage/record_store.cpp", "link/stops.cpp")
+    sources = [app / name for name in names]
     sources.append(Path(__file__).with_name("parser_shim.cpp"))
     loaded = ctypes.CDLL(str(kept_library("parser", sources, flags=["-Wno-address-of-packed-member"])))
     loaded.receiver_new.restype = ctypes.c_void_p

@@ -29,7 +29,7 @@ def texts(path: Path) -> list[str]:
     return [text for text in found if len(text) >= SHORTEST and re.search(r"[a-z] [A-Za-z]", text)]
 
 
-SOURCES = [path for path in sorted((ROOT / "firmware" / "app").glob("*.cpp")) if path.name not in NO_TEXTS]
+SOURCES = [path for path in sorted((ROOT / "firmware" / "app").rglob("*.cpp")) if path.name not in NO_TEXTS]
 
 
 @pytest.mark.parametrize("path", SOURCES, ids=lambda path: path.stem)

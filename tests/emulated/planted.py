@@ -37,35 +37,35 @@ class Bug:
 BUGS = (
     Bug(
         "-1 in a char, which has no sign there",
-        "firmware/app/parameters.cpp",
+        "firmware/app/services/parameters.cpp",
         "    if (index >= 0) {\n        return index < OMNI_PARAM_COUNT",
         "    const char given = index < 0 ? -1 : 0;\n    if (given >= 0) {\n        return index < OMNI_PARAM_COUNT",
         "tests/firmware/test_parameters.py::test_reading_by_index_and_by_name_agree",
     ),
     Bug(
         "a time in us in a long, which has 32 bits there",
-        "firmware/app/stations.cpp",
+        "firmware/app/link/stations.cpp",
         "const uint64_t heard_us = heard_us_[link];",
         "const auto heard_us = static_cast<unsigned long>(heard_us_[link]);",
         "tests/firmware/test_clock_wraps.py::test_a_session_over_a_wrap_is_the_same_as_after_ten_seconds",
     ),
     Bug(
         "a time in ms computed as size_t, which has 32 bits there",
-        "firmware/app/pose_fixes.cpp",
+        "firmware/app/services/pose_fixes.cpp",
         "const uint64_t now_ms = now_us / 1000;",
         "const size_t now_ms = static_cast<size_t>(now_us) / 1000;",
         "tests/firmware/test_clock_wraps.py::test_a_session_over_a_wrap_is_the_same_as_after_ten_seconds",
     ),
     Bug(
         "the size of an enum, which is one byte there",
-        "firmware/app/param_store.cpp",
+        "firmware/app/storage/param_store.cpp",
         "constexpr size_t crc_length = 4;",
         "constexpr size_t crc_length = sizeof(omni_result_t);",
         "tests/firmware/test_parameters.py::test_stored_parameters_come_back_and_reset_forgets_them_in_use_only",
     ),
     Bug(
         "a pair of words at an odd address, which faults there",
-        "firmware/app/codec.cpp",
+        "firmware/app/link/codec.cpp",
         "    std::memcpy(frame->payload, bytes + layout.header, length);\n",
         "    std::memcpy(frame->payload, bytes + layout.header, length);\n"
         "    const auto *pair = reinterpret_cast<const volatile uint64_t *>(bytes + 1);\n"
@@ -74,21 +74,21 @@ BUGS = (
     ),
     Bug(
         "a negative float made an unsigned number, which is 0 there",
-        "firmware/app/telemetry.cpp",
+        "firmware/app/services/telemetry.cpp",
         "} else if (interval_us == -1.0f) {",
         "} else if (static_cast<uint32_t>(interval_us) == UINT32_MAX) {",
         "tests/firmware/test_link.py::test_streams_come_at_their_rates_and_are_adjustable",
     ),
     Bug(
         "a shift by more than 31 bits, which gives 0 there",
-        "firmware/app/i2c_scan.cpp",
+        "firmware/app/tick/i2c_scan.cpp",
         "1u << address_ % 8);",
         "(1u << address_) >> address_ / 8 % 4 * 8);",
         "tests/firmware/test_i2c_scan.py::test_a_scan_finds_who_is_there",
     ),
     Bug(
         "the highest bit as the sign of a long, which has 32 bits there",
-        "firmware/app/control_loop.cpp",
+        "firmware/app/tick/control_loop.cpp",
         "if ((flags & news_setpoint) != 0 && setpoints_.update() &&",
         "if (static_cast<long>(flags & news_setpoint) > 0 && setpoints_.update() &&",
         "tests/firmware/test_commands.py::test_body_velocity_drives_the_wheels_in_our_frame",
@@ -102,7 +102,7 @@ BUGS = (
     ),
     Bug(
         "an array that is larger than the stack",
-        "firmware/app/parameters.cpp",
+        "firmware/app/services/parameters.cpp",
         "    list_next_[sender.link] = 0;",
         "    volatile uint8_t names[80'000];\n    names[0] = 0;\n    list_next_[sender.link] = names[0];",
         "tests/firmware/test_parameters.py::test_the_list_has_every_parameter_once_with_its_index",

@@ -64,7 +64,7 @@ def library() -> Any:
     """Build driver, models, shim and what of the core the driver calls."""
     here = Path(__file__)
     sources = [
-        ROOT / "firmware" / "app" / "register_flow.cpp",
+        ROOT / "firmware/app/drivers/register_flow.cpp",
         ROOT / "shared" / "core" / "src" / "math" / "math.c",
         *MODEL,
         here.with_name("flow_shim.cpp"),

@@ -2,9 +2,9 @@
 // The driver of a sensor of motion over the floor on a bus with the sensor's model, in simulated time.
 #include <algorithm>
 
-#include "app/otos.h"
-#include "app/pinpoint.h"
-#include "app/register_flow.h"
+#include "app/drivers/otos.h"
+#include "app/drivers/pinpoint.h"
+#include "app/drivers/register_flow.h"
 
 extern "C" {
 #include "hil_sim/flow_chip.h"

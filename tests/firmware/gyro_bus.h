@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 extern "C" {
 #include "hil_sim/gyro_chip.h"

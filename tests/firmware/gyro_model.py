@@ -129,7 +129,7 @@ class Faults(ctypes.Structure):
 @lru_cache
 def library() -> Any:
     """Build driver, model and shim."""
-    sources = [ROOT / "firmware" / "app" / "register_gyro.cpp", *MODEL, Path(__file__).with_name("gyro_shim.cpp")]
+    sources = [ROOT / "firmware/app/drivers/register_gyro.cpp", *MODEL, Path(__file__).with_name("gyro_shim.cpp")]
     loaded = ctypes.CDLL(str(kept_library("gyro", sources, INCLUDES)))
     loaded.gyro_new.restype = ctypes.c_void_p
     loaded.gyro_faults.restype = ctypes.POINTER(Faults)

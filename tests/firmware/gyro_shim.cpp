@@ -2,11 +2,11 @@
 // The gyro's driver on a bus with the chip's model, in simulated time.
 #include <algorithm>
 
-#include "app/bmi270.h"
-#include "app/icm42688.h"
-#include "app/ism330dhcx.h"
-#include "app/lsm6dso.h"
-#include "app/register_gyro.h"
+#include "app/drivers/bmi270.h"
+#include "app/drivers/icm42688.h"
+#include "app/drivers/ism330dhcx.h"
+#include "app/drivers/lsm6dso.h"
+#include "app/drivers/register_gyro.h"
 #include "gyro_bus.h"
 
 using namespace omni;

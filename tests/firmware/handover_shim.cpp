@@ -2,7 +2,7 @@
 /// @file handover_shim.cpp  A Handover of numbers for Python: background and tick take turns, as the caller says.
 #include <new>
 
-#include "app/snapshot.h"
+#include "app/base/snapshot.h"
 
 namespace {
 omni::Handover<int> handover;

@@ -2,8 +2,8 @@
 // extern "C" access to one link on a port whose connection and room the test decides.
 #include <cstring>
 
-#include "app/link.h"
-#include "app/mavlink_types.h"
+#include "app/link/link.h"
+#include "app/link/mavlink_types.h"
 
 namespace {
 

@@ -19,7 +19,8 @@ ACTIONS = st.lists(st.sampled_from(["beat", "answer"]) | st.integers(0, 60), max
 
 @pytest.fixture
 def link(tmp_path: Path) -> ctypes.CDLL:
-    app = [ROOT / "firmware" / "app" / f"{name}.cpp" for name in ("link", "codec", "stops", "signing", "record_store")]
+    names = ("link/link", "link/codec", "link/stops", "link/signing", "storage/record_store")
+    app = [ROOT / "firmware" / "app" / f"{name}.cpp" for name in names]
     sources = [*app, Path(__file__).parent / "link_shim.cpp"]
     # A copy, so that static objects are new in every test.
     return ctypes.CDLL(str(shutil.copy(kept_library("link", sources), tmp_path)))

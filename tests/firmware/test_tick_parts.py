@@ -21,7 +21,7 @@ SLOTS = 20
 
 @pytest.fixture(scope="module")
 def parts() -> ctypes.CDLL:
-    sources = [ROOT / "firmware/app/tick_jitter.cpp", ROOT / "firmware/app/status_light.cpp"]
+    sources = [ROOT / "firmware/app/tick/tick_jitter.cpp", ROOT / "firmware/app/services/status_light.cpp"]
     shim = Path(__file__).parent / "tick_parts_shim.cpp"
     library = ctypes.CDLL(str(kept_library("tick_parts", [*sources, shim])))
     library.light_pattern.restype = ctypes.c_uint32

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 // extern "C" access to the texts that the firmware builds, and to how many of them may go. Each call gives one text;
 // the next call replaces it.
-#include "app/text.h"
-#include "app/text_gate.h"
+#include "app/base/text.h"
+#include "app/link/text_gate.h"
 
 namespace {
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 // extern "C" access to the firmware's small parts around the tick.
-#include "app/status_light.h"
-#include "app/tick_jitter.h"
+#include "app/services/status_light.h"
+#include "app/tick/tick_jitter.h"
 
 extern "C" {
 

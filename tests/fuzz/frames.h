@@ -7,7 +7,7 @@
 #include <cstring>
 #include <vector>
 
-#include "app/mavlink_types.h"
+#include "app/link/mavlink_types.h"
 #include "script.h"
 
 namespace fuzz {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "check.h"
 #include "messages.h"
 #include "robot.h"

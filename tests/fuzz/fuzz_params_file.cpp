@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "boards/posix/options.h"
 #include "check.h"
 #include "messages.h"

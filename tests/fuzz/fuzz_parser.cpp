@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/codec.h"
-#include "app/stops.h"
+#include "app/link/codec.h"
+#include "app/link/stops.h"
 #include "check.h"
 #include "frames.h"
 #include "script.h"

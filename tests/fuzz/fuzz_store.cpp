@@ -4,9 +4,9 @@
 /// from it rests.
 #include <cstring>
 
-#include "app/core.h"
-#include "app/param_store.h"
-#include "app/storage_layout.h"
+#include "app/base/core.h"
+#include "app/storage/param_store.h"
+#include "app/storage/storage_layout.h"
 #include "check.h"
 #include "messages.h"
 #include "robot.h"

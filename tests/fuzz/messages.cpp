@@ -7,7 +7,7 @@
 #include <iterator>
 #include <limits>
 
-#include "app/core.h"
+#include "app/base/core.h"
 
 namespace fuzz {
 namespace {

@@ -9,8 +9,8 @@
 #include <optional>
 
 #include "app/app.h"
-#include "app/otos.h"
-#include "app/register_flow.h"
+#include "app/drivers/otos.h"
+#include "app/drivers/register_flow.h"
 #include "chip.h"
 #include "frames.h"
 #include "script.h"

@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/core.h"
-#include "app/crc32.h"
+#include "app/base/core.h"
+#include "app/base/crc32.h"
 #include "check.h"
 #include "messages.h"
 

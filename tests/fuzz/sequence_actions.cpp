@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "generator.h"
 #include "messages.h"
 #include "sequence.h"

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "check.h"
 
 namespace fuzz {

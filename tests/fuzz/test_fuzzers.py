@@ -119,7 +119,7 @@ def test_a_new_message_leaves_what_the_kept_inputs_mean(tmp_path: Path) -> None:
 PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a bound that is not checked": (
         "app",
-        "firmware/app/parameters.cpp",
+        "firmware/app/services/parameters.cpp",
         "return index < OMNI_PARAM_COUNT ? index : -1;",
         "return index;",
         "parameters.cpp",
@@ -133,21 +133,21 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "a command that arms although another was meant": (
         "app",
-        "firmware/app/arming.cpp",
+        "firmware/app/services/arming.cpp",
         "if (wanted == 1.0f) {",
         "if (wanted > 0.5f) {",
         "the robot arms when asked to and not otherwise",
     ),
     "a disarm that is left out while nothing drives yet": (
         "sequence",
-        "firmware/app/arming.cpp",
+        "firmware/app/services/arming.cpp",
         "    control_.stop(event);",
         "    if (robot_.latest().outputs.drive) {\n        control_.stop(event);\n    }",
         "zero volts within two ticks",
     ),
     "an emergency stop that another host in the loop forgets": (
         "sequence",
-        "firmware/app/control_loop.cpp",
+        "firmware/app/tick/control_loop.cpp",
         "if (robot_.supervisor.state == OMNI_STATE_ESTOP && !released) {",
         "if (robot_.supervisor.state == OMNI_STATE_ESTOP && released) {",
         "an emergency stop",
@@ -161,7 +161,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "a stop without an answer": (
         "sequence",
-        "firmware/app/commands.cpp",
+        "firmware/app/services/commands.cpp",
         "    links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
         "    if (command.id != cmd_terminate)\n"
         "        links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack,",
@@ -169,14 +169,14 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "a stop that is said to be refused": (
         "sequence",
-        "firmware/app/arming.cpp",
+        "firmware/app/services/arming.cpp",
         "robot_.expect_stop();\n    return MAV_RESULT_ACCEPTED;",
         "robot_.expect_stop();\n    return robot_.hil() ? MAV_RESULT_TEMPORARILY_REJECTED : MAV_RESULT_ACCEPTED;",
         "no stop is refused",
     ),
     "a stop that waits for the end of half a frame": (
         "sequence",
-        "firmware/app/codec.cpp",
+        "firmware/app/link/codec.cpp",
         "return find_stop(frame);",
         "return frame->early && find_stop(frame);",
         "stop",
@@ -190,35 +190,35 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "a station that follows the robot's clock and is taken for a recording": (
         "sequence",
-        "firmware/app/signing.cpp",
+        "firmware/app/link/signing.cpp",
         "return time + new_stream_slack >= time_ ? vacant() : nullptr;",
         "return time > time_ + new_stream_slack ? vacant() : nullptr;",
         "stop",  # refused ones leave no emergency stop behind, and have no answer: whichever is seen first
     ),
     "a checksum that is checked by half": (
         "parser",
-        "firmware/app/codec.cpp",
+        "firmware/app/link/codec.cpp",
         " && bytes[covered + 1] == crc >> 8",
         "",
         "broken promise",
     ),
     "a frame that hides another": (
         "parser",
-        "firmware/app/codec.cpp",
+        "firmware/app/link/codec.cpp",
         "    begin_ += 1;\n}",
         "    begin_ += std::min<size_t>(4, end_ - begin_);\n}",
         "a stop comes with its last byte",
     ),
     "a loop without end": (
         "parser",
-        "firmware/app/codec.cpp",
+        "firmware/app/link/codec.cpp",
         "    begin_ += 1;\n}",
         "}",
         signal.SIGALRM,
     ),
     "a memory that is read beyond its end": (
         "store",
-        "firmware/app/param_store.cpp",
+        "firmware/app/storage/param_store.cpp",
         "count > (slot_size() - header_length - crc_length) / entry_length",
         "false",
         "param_store.cpp",

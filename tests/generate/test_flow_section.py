@@ -43,7 +43,7 @@ def test_the_firmware_gets_its_header_address_and_settings() -> None:
     assert "flow_chip = no_flow;" in flow_header("r.toml", None)
     assert pinpoint.board.flow is not None
     text = flow_header("r.toml", pinpoint.board.flow)
-    assert '#include "app/pinpoint.h"' in text
+    assert '#include "app/drivers/pinpoint.h"' in text
     assert "flow_chip = pinpoint::with(flow_settings);" in text
     assert ", ".join(map(str, settings_bytes(pinpoint.board.flow))) in text
 

@@ -52,15 +52,15 @@ def test_a_chip_is_a_header_a_namespace_and_numbers_for_the_filter(chip: GyroChi
     assert values["GYRO_ND"] == pytest.approx(math.radians(chip.noise_dps))
     assert (values["GYRO_BRW"], values["GYRO_S_SD"]) == pytest.approx((chip.bias_walk, chip.scale_error))
     header = gyro_header(str(tmp_path / "r.toml"), robot.board.gyro)
-    assert f'#include "app/{chip.driver}.h"' in header
+    assert f'#include "app/drivers/{chip.driver}.h"' in header
     assert f"gyro_registers = {chip.driver}::registers;" in header
     assert ("gyro_configuration_size = 8192" in header) == chip.config_file
-    assert (ROOT / "firmware" / "app" / f"{chip.driver}.h").is_file()
+    assert (ROOT / "firmware" / "app" / "drivers" / f"{chip.driver}.h").is_file()
 
 
 def test_a_robot_without_a_gyro_has_no_chips_header() -> None:
     header = gyro_header("r.toml", None)
-    assert '#include "app/gyro_registers.h"' in header
+    assert '#include "app/drivers/gyro_registers.h"' in header
     assert "gyro_configuration_size = 0" in header
 
 

@@ -158,7 +158,7 @@ class Bench:
             self.robot_sends(mavlink.MAVLink_command_ack_message(message.command, result, 0, receipt, *whom))
 
     def _try_parameters(self, action: float) -> int:
-        """Answer as firmware/app/parameter_trial.cpp does to the link of the trial."""
+        """Answer as firmware/app/services/parameter_trial.cpp does to the link of the trial."""
         accepted, denied = int(ACCEPTED), int(DENIED)
         refused = {TRIAL_BEGIN: self.trial_goes_on, TRIAL_KEEP: not self.trial_goes_on, TRIAL_BACK: False}
         if refused.get(action, not self.trial_goes_on):

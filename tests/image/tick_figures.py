@@ -24,12 +24,12 @@ SAMPLE = 7
 _RESTART = "_ZN4omni11ControlLoop7restartEv"
 _CASES = "case_count"
 APP_SOURCES = (
-    "burst_recorder.cpp",
-    "control_loop.cpp",
-    "i2c_scan.cpp",
-    "pca9685.cpp",
-    "pwm_pins.cpp",
-    "robot_setup.cpp",
+    "tick/burst_recorder.cpp",
+    "tick/control_loop.cpp",
+    "tick/i2c_scan.cpp",
+    "drivers/pca9685.cpp",
+    "drivers/pwm_pins.cpp",
+    "tick/robot_setup.cpp",
 )
 
 

@@ -14,11 +14,11 @@ from tests.mutation.process import Runner
 from tests.native import ROOT
 
 FILE = "tests/firmware/test_tick_parts.py"
-LAMP, JITTER = "firmware/app/status_light.h", "firmware/app/tick_jitter.h"
+LAMP, JITTER = "firmware/app/services/status_light.h", "firmware/app/tick/tick_jitter.h"
 SPREAD = f"{FILE}::test_jitter_is_the_spread_of_the_starts_whatever_the_first_tick_did[pc]"
 PLAYS = f"{FILE}::test_the_lamp_plays_its_pattern_every_two_seconds[pc-2]"
 PLANTED = {
-    SPREAD: ("firmware/app/tick_jitter.cpp", "earliest_ns_) * 1e-3f", "earliest_ns_) * 2e-3f"),
+    SPREAD: ("firmware/app/tick/tick_jitter.cpp", "earliest_ns_) * 1e-3f", "earliest_ns_) * 2e-3f"),
     PLAYS: (LAMP, "light_slots = 20", "light_slots = 19"),
     f"{SPREAD} once more": (JITTER, "window_ticks = 1000", "window_ticks = 999"),
 }

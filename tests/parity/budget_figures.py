@@ -47,7 +47,7 @@ def instructions(build: Build) -> Figures:
 
 def stack_bounds(build: Build) -> Figures:
     """Bounds from the call graphs, without what the board's own methods use."""
-    files = [*build.folder.rglob("core.dir/**/*.ci"), *build.folder.rglob("budgets.dir/**/app/*.ci")]
+    files = [*build.folder.rglob("core.dir/**/*.ci"), *build.folder.rglob("budgets.dir/**/app/**/*.ci")]
     graph = read_call_graph(files)
     return {"stack.core_bound": graph.bound(CORE_TICK), "stack.tick_bound": graph.bound(whole_tick(graph.frames))}
 

@@ -7,8 +7,8 @@
 #include <optional>
 
 #include "app/app.h"
-#include "app/icm42688.h"
-#include "app/register_gyro.h"
+#include "app/drivers/icm42688.h"
+#include "app/drivers/register_gyro.h"
 #include "gyro_bus.h"
 
 extern "C" {

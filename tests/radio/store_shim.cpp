@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/param_store.h"
-#include "app/record_store.h"
+#include "app/storage/param_store.h"
+#include "app/storage/record_store.h"
 
 using namespace omni;
 

@@ -31,7 +31,7 @@ TIME_AT, TIME_CONTENT = 96, 8
 
 @lru_cache
 def library() -> Any:
-    app = ROOT / "firmware" / "app"
+    app = ROOT / "firmware" / "app" / "storage"
     sources = [app / "param_store.cpp", app / "record_store.cpp", Path(__file__).with_name("store_shim.cpp")]
     loaded: Any = ctypes.CDLL(str(kept_library("stores", sources, archives=[core_archive()])))
     return loaded

@@ -15,8 +15,8 @@ RATES = (0.02, -0.3, 1.5)
 STEP_RAD_S = math.radians(2000.0 / 32768.0)
 
 _SHIM = """
-#include "app/mpu6050.h"
-#include "app/register_gyro.h"
+#include "app/drivers/mpu6050.h"
+#include "app/drivers/register_gyro.h"
 #include "gyro_bus.h"
 using namespace omni;
 static GyroBus bus(HIL_GYRO_MPU6050);
@@ -59,7 +59,7 @@ def check(copy: Scratch) -> None:
     shim.write_text(_SHIM, encoding="utf-8")
     models = [copy.root / "hil_sim" / "src" / path.name for path in MODEL]
     chips = sorted((copy.root / "hil_sim" / "src").glob("mpu605*.c"))  # with the one of somebody else
-    sources = [copy.root / "firmware/app/register_gyro.cpp", *chips, *models, shim]
+    sources = [copy.root / "firmware/app/drivers/register_gyro.cpp", *chips, *models, shim]
     folders = [INCLUDES[0], copy.root / "hil_sim" / "include", copy.root / "hil_sim" / "src", copy.root / "firmware"]
     chip = ctypes.CDLL(str(build_library(shim.parent, "mpu6050", sources, folders)))
     chip.use_axis(3)

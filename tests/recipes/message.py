@@ -36,7 +36,7 @@ def check(copy: Scratch) -> None:
     assert "MAVLink_omni_slip_message" in (out / "dialects" / "omni.py").read_text(encoding="utf-8")
     folders = [copy.root / "firmware", copy.root / "shared/core/include", out / "include", generated_dir() / "include"]
     includes = [f"-I{folder}" for folder in folders] + ["-isystem", str(out / "mavlink")]
-    source = str(copy.root / "firmware/app/reports.cpp")
+    source = str(copy.root / "firmware/app/services/reports.cpp")
     words = ["g++", "-std=c++17", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", *includes, source]
     subprocess.run(words, check=True, timeout=120)
     assert set(json.loads(run_program(copy, _MONITOR))["OMNI_SLIP"]) == {"time_boot_ms", "residual"}

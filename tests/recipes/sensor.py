@@ -54,7 +54,7 @@ print(json.dumps(found | {"lanes": eight(True), "alone": eight(False)}))
 
 _CONVERTER = """
 #include <Arduino.h>
-#include "app/board.h"
+#include "app/base/board.h"
 volatile uint32_t ADC2_HC0 = 0x1F, ADC2_HS, ADC2_R0;
 extern "C" const uint8_t pin_to_channel[28] = {0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0,
                                                7, 8, 12, 11, 6, 5, 15, 0, 13, 14, 1, 2, 128 + 3, 128 + 4};

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "check.h"
 
 namespace soak {

@@ -16,7 +16,7 @@
 #include <utility>
 #include <vector>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "bench.h"
 #include "check.h"
 

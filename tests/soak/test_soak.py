@@ -69,12 +69,12 @@ def test_a_day_of_wraps_shows_nothing(folder: Path) -> None:
 
 PLANTED = {
     "a station whose silence is counted in 32 bits": (
-        "firmware/app/stations.cpp",
+        "firmware/app/link/stations.cpp",
         "now_us - heard_us <= timeout_us_);",
         "now_us - static_cast<uint32_t>(heard_us) <= timeout_us_);",
     ),
     "a budget that stands still after a wrap": (
-        "firmware/app/link.cpp",
+        "firmware/app/link/link.cpp",
         "    refilled_us_ = now_us;",
         "    refilled_us_ = now_us;\n    budget_ = now_us > UINT32_MAX ? 0.0f : budget_;",
     ),

@@ -69,12 +69,25 @@ GENERATED = {
 }
 """Headers that the build writes, and what they are counted among."""
 
-_BOARD = ("firmware/app", "firmware/boards/common", CORE_API, "shared/link", "generated/link", "generated/wiring")
+_APP = ("base", "storage", "drivers", "link", "tick", "services")
+"""Rooms of the firmware's program; each stands on those before it only, firmware/app itself on all."""
+_APP_MAY = (CORE_API, "generated/link", "generated/tables")
+_ROOMS = tuple(f"firmware/app/{room}" for room in _APP)
+_BOARD = (
+    "firmware/app",
+    *_ROOMS,
+    "firmware/boards/common",
+    CORE_API,
+    "shared/link",
+    "generated/link",
+    "generated/wiring",
+)
 AREAS: Mapping[str, tuple[str, ...]] = {
     "shared/core": ("generated/tables",),
     "shared/link": (),
-    "firmware/app": (CORE_API, "generated/link", "generated/tables"),
-    "firmware/boards/common": ("firmware/app", CORE_API, "generated/link"),
+    "firmware/app": (*_ROOMS, *_APP_MAY),
+    **{room: (*_ROOMS[:number], *_APP_MAY) for number, room in enumerate(_ROOMS)},
+    "firmware/boards/common": ("firmware/app", *_ROOMS, CORE_API, "generated/link"),
     **{f"firmware/boards/{main.parent.name}": _BOARD for main in (ROOT / "firmware/boards").glob("*/main.cpp")},
     "firmware/boards/mps2_an500/base": (),  # the processor's own package: other programs of the tests stand on it, too
     "hil_sim/include": (CORE_API, "shared/link", "generated/world"),

@@ -16,7 +16,7 @@ from tests.structure.includes import AREAS, CORE, ROOMS, ROOT, IncludeError, are
 MATH, ESTIMATION = "shared/core/src/math/math.c", "shared/core/src/estimation/motor_kf.c"
 ROBOT, APP = "shared/core/src/robot/robot.c", "firmware/app/app.cpp"
 PLANTED = {
-    "the core the firmware": (MATH, "<app/board.h>", "shared/core may include nothing but"),
+    "the core the firmware": (MATH, "<app/base/board.h>", "shared/core may include nothing but"),
     "the core our messages": (ROBOT, '"omni/mavlink.h"', "shared/core may include nothing but"),
     "the core the system": (MATH, "<math.h>", "takes nothing from the system but stdbool.h"),
     "a room one above it": (MATH, '"omni/kinematics.h"', "math may not use kinematics"),
@@ -28,6 +28,11 @@ PLANTED = {
     "a room all of the core": (ROBOT, '"omni/omni.h"', "include what they use"),
     "a public header one above it": ("shared/core/include/omni/pid.h", '"omni/robot.h"', "control may not use robot"),
     "the common types a room": ("shared/core/include/omni/types.h", '"omni/math.h"', "may not use math"),
+    "a room of the app one above it": (
+        "firmware/app/storage/param_store.h",
+        '"app/drivers/pca9685.h"',
+        "firmware/app/storage may include nothing but",
+    ),
     "the app a board": (APP, '"boards/posix/options.h"', "firmware/app may include nothing but"),
     "the app the core's inside": (APP, '"math/math_inline.h"', "firmware/app may include nothing but"),
     "a board another": ("firmware/boards/posix/main.cpp", '"boards/teensy40/i2c.h"', "posix may include nothing but"),
@@ -81,10 +86,14 @@ def test_an_include_in_the_wrong_direction_is_named(copy: Path, name: str) -> No
 
 
 CIRCLES = {
-    "files": ("firmware/app/mavlink_frame.h", '"app/codec.h"', "files that include each other"),
-    "parts, each through its source": ("firmware/app/stops.cpp", '"app/codec.h"', "parts that include each other"),
+    "files": ("firmware/app/link/mavlink_frame.h", '"app/link/codec.h"', "files that include each other"),
+    "parts, each through its source": (
+        "firmware/app/link/stops.cpp",
+        '"app/link/codec.h"',
+        "parts that include each other",
+    ),
     "rooms": ("shared/core/src/motor/motor.c", '"omni/trajectory.h"', "rooms that include each other"),
-    "areas": ("firmware/app/app.cpp", '"boards/common/option_loop.h"', "areas that include each other"),
+    "areas": ("firmware/app/base/board.h", '"app/link/links.h"', "areas that include each other"),
 }
 
 

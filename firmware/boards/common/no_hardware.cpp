@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "app/pca9685.h"
+#include "app/drivers/pca9685.h"
 
 namespace omni {
 

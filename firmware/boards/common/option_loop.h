@@ -8,7 +8,7 @@
 #include <cstdio>
 #include <cstring>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "boards/common/robot_values.h"
 #include "omni/version_gen.h"
 

@@ -6,7 +6,7 @@
 #include <cstdlib>
 #include <cstring>
 
-#include "app/robot_setup.h"
+#include "app/tick/robot_setup.h"
 
 namespace omni {
 namespace {

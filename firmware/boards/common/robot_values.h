@@ -3,7 +3,7 @@
 /// error.
 #pragma once
 
-#include "app/core.h"
+#include "app/base/core.h"
 
 namespace omni {
 

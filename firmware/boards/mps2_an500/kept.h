@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "boards/mps2_an500/base/fault.h"
 
 namespace omni {

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "boards/common/option_loop.h"
 
 namespace omni {

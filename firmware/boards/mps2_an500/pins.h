@@ -9,8 +9,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
-#include "app/hil.h"
+#include "app/base/board.h"
+#include "app/services/hil.h"
 #include "boards/mps2_an500/uart_port.h"
 
 namespace omni {

@@ -6,7 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "boards/mps2_an500/base/machine.h"
 
 namespace omni {

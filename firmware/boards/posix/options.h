@@ -4,7 +4,7 @@
 
 #include <cstddef>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "boards/common/option_loop.h"
 
 namespace omni {

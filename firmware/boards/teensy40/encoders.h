@@ -17,7 +17,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "boards/teensy40/encoders_quadrature.h"
 #include "boards/teensy40/encoders_wiring.h"
 

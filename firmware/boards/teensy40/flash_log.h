@@ -18,7 +18,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 namespace omni {
 

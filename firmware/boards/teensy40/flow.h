@@ -7,8 +7,8 @@
 
 #include <type_traits>
 
-#include "app/flow_chip.h"
-#include "app/register_flow.h"
+#include "app/base/flow_chip.h"
+#include "app/drivers/register_flow.h"
 #include "boards/teensy40/i2c.h"
 #include "omni/flow_gen.h"
 #include "omni/wiring_gen.h"

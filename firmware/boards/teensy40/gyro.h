@@ -9,8 +9,8 @@
 
 #include <type_traits>
 
-#include "app/gyro_chip.h"
-#include "app/register_gyro.h"
+#include "app/base/gyro_chip.h"
+#include "app/drivers/register_gyro.h"
 #include "boards/teensy40/i2c.h"
 #include "omni/gyro_gen.h"
 #include "omni/wiring_gen.h"

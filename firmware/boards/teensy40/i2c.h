@@ -15,7 +15,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "boards/teensy40/i2c_bus_clear.h"
 #include "boards/teensy40/i2c_timing.h"
 #include "omni/wiring_gen.h"

@@ -5,7 +5,7 @@
 #include <IntervalTimer.h>
 
 #include "app/app.h"
-#include "app/core.h"
+#include "app/base/core.h"
 #include "boards/teensy40/battery.h"
 #include "boards/teensy40/clock.h"
 #include "boards/teensy40/encoders.h"

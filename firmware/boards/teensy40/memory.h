@@ -2,7 +2,7 @@
 /// @file memory.h  How much of the stack and of the heap was never used.
 #pragma once
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 namespace omni {
 

@@ -3,7 +3,7 @@
 
 #include <Arduino.h>
 
-#include "app/core.h"
+#include "app/base/core.h"
 #include "boards/teensy40/faults.h"
 #include "boards/teensy40/motor_pins_wiring.h"
 

@@ -9,7 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 #include "omni/wiring_gen.h"
 
 namespace omni {

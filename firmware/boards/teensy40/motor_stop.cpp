@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "boards/teensy40/motor_stop.h"
 
-#include "app/pca9685.h"
+#include "app/drivers/pca9685.h"
 
 namespace omni {
 

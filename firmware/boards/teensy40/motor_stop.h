@@ -6,7 +6,7 @@
 /// wired this is the only thing that stops a motor.
 #pragma once
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 namespace omni {
 

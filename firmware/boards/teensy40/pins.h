@@ -4,7 +4,7 @@
 
 #include <cstdint>
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 namespace omni {
 

@@ -6,7 +6,7 @@
 
 #include <cstring>
 
-#include "app/cold.h"
+#include "app/base/cold.h"
 #include "boards/teensy40/processor.h"
 
 namespace omni {

@@ -6,8 +6,8 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/board.h"
-#include "app/text.h"
+#include "app/base/board.h"
+#include "app/base/text.h"
 
 namespace omni {
 

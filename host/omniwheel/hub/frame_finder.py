@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Finds MAVLink frames in a client's bytes, by the same rules as the robot's own parser (firmware/app/codec.h).
+"""Finds MAVLink frames in a client's bytes, by the same rules as the robot's own parser (firmware/app/link/codec.h).
 
 pymavlink's parser believes every start byte. After one byte of noise it waits for up to 280 bytes and throws away what
 stands inside them, stops too.

@@ -29,7 +29,7 @@ _NEEDED = {
 """Messages whose rates only the robot decides: no client can be without them."""
 _LAST_MESSAGE = 2**24 - 1
 _SHORTEST_US, _LONGEST_US = 1000.0, 4.0e9
-"""Intervals that the robot takes (firmware/app/telemetry.cpp), beside 0 (as at boot) and -1 (off)."""
+"""Intervals that the robot takes (firmware/app/services/telemetry.cpp), beside 0 (as at boot) and -1 (off)."""
 
 
 class Kind(Enum):
@@ -107,7 +107,7 @@ class Stop(IntEnum):
 
 
 def _asks_to_hold(custom_mode: float, sub_mode: float) -> bool:
-    """As the firmware reads a mode (firmware/app/flight_mode.h): the whole number, or main mode and sub mode."""
+    """As the firmware reads a mode (firmware/app/link/flight_mode.h): the whole number, or main mode and sub mode."""
     if custom_mode == 0.0:
         return True
     if _PACKED <= custom_mode < 2.0**32:
@@ -116,7 +116,7 @@ def _asks_to_hold(custom_mode: float, sub_mode: float) -> bool:
 
 
 def _stop_of(command: int, param1: float) -> Stop | None:
-    """As the firmware sees it (firmware/app/stops.cpp); holding the pose and leaving the loop are stops here, too."""
+    """As in firmware/app/link/stops.cpp; holding the pose and leaving host-in-the-loop are stops here, too."""
     if command == mavlink.MAV_CMD_OMNI_ESTOP:
         return Stop.ESTOP if param1 != 0.0 else None
     if command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION:

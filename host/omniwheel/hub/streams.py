@@ -20,7 +20,7 @@ TRIES = 10
 MOST_HZ = 1000
 """A faster group the robot ignores."""
 RADIO_FRAME_BYTES = 100
-"""On a radio the robot streams longer frames only if they are asked for by name (firmware/app/link.h)."""
+"""On a radio the robot streams longer frames only if they are asked for by name (firmware/app/link/link.h)."""
 _FRAME_BYTES = 25
 """Of a frame beside its payload: header, checksum, signature."""
 

@@ -32,9 +32,9 @@ _DIRECTION = {("y", True): 4, ("y", False): 8, ("x", True): 16, ("x", False): 32
 
 @dataclass(frozen=True)
 class FlowChip:
-    """A sensor. ``number``: its place in the table. ``driver``: the header in ``firmware/app`` and the namespace in it.
+    """A sensor. ``number``: its place in the table.
 
-    ``address``: of the bus, 7 bit.
+    ``driver``: the header in ``firmware/app/drivers`` and the namespace in it. ``address``: of the bus, 7 bit.
     ``supply``: its supply pin. ``wheels``: it measures with two wheels, which the robot file describes.
     """
 
@@ -76,7 +76,9 @@ def _chip(source: str, number: int, name: str, value: object) -> FlowChip:
     refuse_unknown_keys(source, f"{key}.", row, ("doc", "driver", "address", "supply", "wheels"))
     doc, driver, supply = (take_text(source, f"{key}.{leaf}", row.get(leaf)) for leaf in ("doc", "driver", "supply"))
     if not _DRIVER.fullmatch(driver):
-        raise SchemaError(source, f"{key}.driver", "is the name of a header in firmware/app, without .h: a-z 0-9 _")
+        raise SchemaError(
+            source, f"{key}.driver", "is the name of a header in firmware/app/drivers, without .h: a-z 0-9 _"
+        )
     address, wheels = row.get("address"), row.get("wheels", False)
     if type(address) is not int or not 0 < address <= _HIGHEST_ADDRESS:
         raise SchemaError(source, f"{key}.address", f"is {address!r}; an I2C address of 7 bit is needed")

@@ -30,7 +30,9 @@ _KEYS = ("doc", "driver", "address_pin", "select", "supply", "addresses", "confi
 
 @dataclass(frozen=True)
 class GyroChip:
-    """A chip. ``driver``: the header in ``firmware/app`` and the namespace in it. ``number``: its place in the table.
+    """A chip. ``driver``: the header in ``firmware/app/drivers`` and the namespace in it.
+
+    ``number``: its place in the table.
 
     ``addresses``: of the bus, with ``address_pin`` at ground and at 3.3 V. ``select``: the pin that must be high, so
     that the chip speaks I2C. ``supply``: its supply pins. ``noise_dps`` per root of a Hz, ``offset_dps`` as the data
@@ -72,7 +74,9 @@ def _chip(source: str, number: int, name: str, value: object) -> GyroChip:
         for leaf in ("doc", "driver", "address_pin", "select", "supply")
     }
     if not _DRIVER.fullmatch(texts["driver"]):
-        raise SchemaError(source, f"{key}.driver", "is the name of a header in firmware/app, without .h: a-z 0-9 _")
+        raise SchemaError(
+            source, f"{key}.driver", "is the name of a header in firmware/app/drivers, without .h: a-z 0-9 _"
+        )
     numbers: dict[str, Any] = {
         leaf: number_within(source, f"{key}.{leaf}", row.get(leaf), low, high) for leaf, (low, high) in _NUMBERS.items()
     }

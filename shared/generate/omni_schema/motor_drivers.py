@@ -41,7 +41,7 @@ class MotorDriver:
 
     @property
     def class_name(self) -> str:
-        """The class in ``firmware/app/NAME.h``."""
+        """The class in ``firmware/app/drivers/NAME.h``."""
         return "".join(part.capitalize() for part in self.name.split("_"))
 
 

@@ -65,7 +65,7 @@ _BOOLEAN = (
 def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
     sources = [
         *(BOARD / f"{name}.cpp" for name in BOARD_PARTS),
-        *(ROOT / "firmware" / "app" / name for name in ("param_store.cpp", "pca9685.cpp")),
+        *(ROOT / "firmware" / "app" / name for name in ("storage/param_store.cpp", "drivers/pca9685.cpp")),
         *(
             ROOT / "shared" / "core" / "src" / name
             for name in ("robot/params.c", "robot/loop.c", "math/math.c", "motor/bridge.c")

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <optional>
 
-#include "app/pca9685.h"
+#include "app/drivers/pca9685.h"
 #include "boards/teensy40/encoders.h"
 #include "boards/teensy40/i2c.h"
 #include "boards/teensy40/motor_stop.h"

@@ -4,8 +4,8 @@
 #include <new>
 
 #include "app/app.h"
-#include "app/core.h"
-#include "app/param_store.h"
+#include "app/base/core.h"
+#include "app/storage/param_store.h"
 #include "boards/teensy40/battery.h"
 #include "boards/teensy40/clock.h"
 #include "boards/teensy40/ports.h"

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "app/core.h"
+#include "app/base/core.h"
 
 struct Setting {
     int32_t parameter;

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <new>
 
-#include "app/control_loop.h"
+#include "app/tick/control_loop.h"
 #include "base/stack.h"
 #include "cases.h"
 #include "meter.h"

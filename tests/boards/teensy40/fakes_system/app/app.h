@@ -2,7 +2,7 @@
 // Takes the place of the application: main.cpp's own work can then be watched.
 #pragma once
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 namespace omni {
 

@@ -2,7 +2,7 @@
 // Takes the place of the board's header of the same name.
 #pragma once
 
-#include "app/board.h"
+#include "app/base/board.h"
 
 namespace omni {
 

@@ -1,0 +1,242 @@
+// SPDX-License-Identifier: MIT
+/// @file board.h  What the firmware asks of a board: small interfaces. Only firmware/boards/* implements them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "app/base/flow_chip.h"
+#include "app/base/gyro_chip.h"
+#include "omni/types.h"
+
+namespace omni {
+
+/// Monotonic time since boot. Never goes back; readable from the tick and from the background.
+class Clock {
+public:
+    virtual uint64_t now_us() = 0;
+    /// Free-running fine counter [ns], for measuring durations only.
+    virtual uint64_t stopwatch_ns() = 0;
+
+protected:
+    ~Clock() = default;
+};
+
+/// Wheel encoders: raw 32-bit counters that may wrap.
+class Encoders {
+public:
+    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose
+    /// count can be trusted.
+    virtual uint8_t read(int32_t *counts) = 0;
+    /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where
+    /// the decoder cannot tell.
+    virtual void errors(uint32_t *errors) = 0;
+
+protected:
+    ~Encoders() = default;
+};
+
+/// Outcome of the transactions submitted to an I2C bus.
+enum class I2cStatus : uint8_t {
+    idle,  ///< nothing was submitted since the last poll
+    busy,  ///< still on the wire
+    done,  ///< all acknowledged
+    nack,  ///< no acknowledge
+    stuck, ///< a line is held low
+};
+
+/// One I2C transaction: a write, then an optional read after a repeated START.
+struct I2cTransaction {
+    static constexpr size_t max_write = 40;
+    static constexpr size_t max_read = 28;
+    uint8_t address = 0;      ///< 7 bit
+    uint8_t write_length = 0; ///< 0..max_write; 0 and nothing to read: the address alone, to see who acknowledges it
+    uint8_t read_length = 0;  ///< 0..max_read
+    uint8_t write[max_write] = {};
+};
+
+/// What an I2C bus has counted since boot.
+struct I2cStats {
+    uint32_t nacks = 0;
+    uint32_t timeouts = 0;
+    uint32_t recoveries = 0;
+    uint16_t last_us = 0; ///< time on the wire of the last batch; 0: not measured
+};
+
+/// Asynchronous I2C master. Called from the tick only; never waits.
+class I2cBus {
+public:
+    /// Queue a batch; its transactions are joined by repeated START and end with one STOP, so the chip updates at once.
+    /// @return false if the last batch is still busy (nothing is queued).
+    virtual bool submit(const I2cTransaction *batch, size_t count) = 0;
+    /// How the last batch went; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
+    virtual I2cStatus poll(uint8_t *read) = 0;
+    /// Longest time that poll() calls the last batch busy [us]: a bus that knows how long its batches take gives them
+    /// up by itself. 0: it does not.
+    virtual uint32_t patience_us() { return 0; }
+    /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
+    virtual void recover() = 0;
+    virtual I2cStats stats() { return {}; }
+
+protected:
+    ~I2cBus() = default;
+};
+
+/// The pin that lets the motors' signals through, or the bridges work: takes the power away without the motor driver.
+/// Off (motors coast) from reset on.
+class OutputEnable {
+public:
+    /// False where the pin is not wired: the bus is then the only way to stop a motor.
+    virtual bool wired() = 0;
+    /// Called from the tick, in every tick.
+    virtual void set(bool on) = 0;
+    /// Drive it no more, as in reset, until the next set(): what its pull-up does alone. Off where a board cannot.
+    virtual void release() { set(false); }
+
+protected:
+    ~OutputEnable() = default;
+};
+
+/// High time of a wheel's two motor pins per PWM period, 0 (always low) .. 4096 (always high).
+struct MotorPinSteps {
+    uint16_t first = 0;
+    uint16_t second = 0;
+};
+
+/// PWM on the processor's own pins, for motor drivers without a chip of their own. All low from reset on, and after a
+/// crash.
+class MotorPins {
+public:
+    /// The pins lead to bridges of this kind. @param driver omni_mot_driver.
+    virtual bool serves_driver(uint8_t driver) = 0;
+    /// Called from the tick. @param steps one entry per wheel.
+    /// @return false if a pin does not give what it was told before: its timer has lost its settings. They are then set
+    /// anew.
+    virtual bool set_steps(const MotorPinSteps *steps, size_t wheels) = 0;
+
+protected:
+    ~MotorPins() = default;
+};
+
+/// A stop button: a normally-closed contact from a pulled-up pin to ground, so that a cut wire reads as pressed.
+class StopButton {
+public:
+    /// The level at this moment, not debounced. Called from the tick, in every tick, and from the background.
+    /// @return true: pressed, or a wire is cut.
+    virtual bool open() = 0;
+
+protected:
+    ~StopButton() = default;
+};
+
+/// A byte stream to a ground station or host. Used from the background only; never waits.
+class SerialPort {
+public:
+    /// @return bytes put into `data`, 0 if none wait.
+    virtual size_t read(uint8_t *data, size_t capacity) = 0;
+    /// @return bytes that `write` will take now.
+    virtual size_t write_space() = 0;
+    /// All or nothing. @return false if there was no room.
+    virtual bool write(const uint8_t *data, size_t length) = 0;
+    /// Number of the present connection: rises with each new one, 0 while nobody is there. A radio is always
+    /// connected: 1.
+    virtual uint32_t session() = 0;
+    /// Others reach this port through the air: a signing key closes its door. LINK2_BAUD is about such ports' lines,
+    /// LINK2_LEGACY about the first of them.
+    virtual bool is_radio() { return false; }
+    /// Whether set_baud() does anything.
+    virtual bool has_baud() { return false; }
+    /// Speed of the line [bit/s]. What was given to write() before still goes at the old one.
+    virtual void set_baud(uint32_t) {}
+
+protected:
+    ~SerialPort() = default;
+};
+
+/// Non-volatile bytes, erased state 0xFF. Used from the background only, and only while disarmed.
+class Storage {
+public:
+    virtual size_t size() = 0;
+    virtual bool read(size_t offset, uint8_t *data, size_t length) = 0;
+    /// Power may fail after any byte. @return false on failure.
+    virtual bool write(size_t offset, const uint8_t *data, size_t length) = 0;
+    /// It reads as erased, but may hold something that cannot be read now.
+    virtual bool doubtful() { return false; }
+
+protected:
+    ~Storage() = default;
+};
+
+/// Why the processor started.
+enum class ResetCause : uint8_t {
+    power_on,
+    watchdog,
+    software, ///< asked for, or the loader after an upload
+    crash,
+    over_temperature,
+};
+
+/// Resets the processor unless fed.
+class Watchdog {
+public:
+    virtual void feed() = 0;
+    virtual ResetCause reset_cause() = 0;
+    /// What the fault handler kept of the crash before the last reset: lines of at most 50 characters. nullptr: no
+    /// more.
+    virtual const char *crash_line(size_t number) = 0;
+    /// Reset now (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN).
+    virtual void reset() = 0;
+
+protected:
+    ~Watchdog() = default;
+};
+
+/// A lamp that tells people what the robot is doing.
+class StatusLight {
+public:
+    virtual void set(bool on) = 0;
+
+protected:
+    ~StatusLight() = default;
+};
+
+/// Memory never used so far [bytes]; 0: not known.
+struct MemoryFree {
+    uint32_t stack = 0;
+    uint32_t heap = 0;
+};
+
+/// 1.8 s of every signal of four wheels, a sample per tick.
+constexpr size_t usual_burst_bytes = size_t{192} * 1024;
+
+/// Everything the application gets from its board.
+struct Board {
+    static constexpr size_t max_ports = 4;
+    Clock *clock = nullptr;
+    Encoders *encoders = nullptr;
+    I2cBus *i2c = nullptr;
+    OutputEnable *output_enable = nullptr;
+    MotorPins *motor_pins = nullptr;   ///< nullptr: none
+    StopButton *stop_button = nullptr; ///< nullptr: none
+    GyroChip *gyro_chip = nullptr;     ///< nullptr: none
+    FlowChip *flow_chip = nullptr;     ///< nullptr: none
+    StatusLight *light = nullptr;      ///< nullptr: none
+    SerialPort *ports[max_ports] = {}; ///< port 0: USB; port 1: radio
+    size_t port_count = 0;
+    Storage *storage = nullptr;
+    Watchdog *watchdog = nullptr;
+    uint64_t serial_number = 0;                ///< tells this board from any other; 0: it has none
+    uint32_t wiring_id = 0;                    ///< of what is wired to this board; 0: nothing is
+    const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
+    /// Supply voltage [V], or <= 0 if the board doesn't measure it.
+    omni_real_t (*battery_V)() = nullptr;
+    /// For bursts (burst_recorder.h): aligned to 8 bytes, need not be cleared. nullptr: none can be recorded.
+    uint8_t *burst_memory = nullptr;
+    size_t burst_bytes = 0;
+    /// nullptr: not known. Called from the background.
+    MemoryFree (*memory_free)() = nullptr;
+    // Drivers of the sensors that name their boards in [sensors] of shared/world.toml. A board calls its use_NAME().
+#include "omni/board_readings_gen.h"
+};
+
+} // namespace omni

@@ -1,0 +1,252 @@
+// SPDX-License-Identifier: MIT
+#include "app/drivers/register_flow.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "app/base/core.h"
+
+namespace omni {
+namespace {
+
+constexpr uint64_t retry_us = 200'000;
+/// How much longer than its maker says a chip may take to be ready after its calibration.
+constexpr uint64_t patience_us = 1'000'000;
+/// A reading that waited longer was asked for before a pause: the host was in the loop.
+constexpr uint64_t stale_us = 10'000;
+/// Ticks that a transfer may take. The longest, a Pinpoint's pose, is 0.75 ms at 400 kHz.
+constexpr uint8_t busy_limit = 5;
+constexpr uint8_t failures_allowed = 10;
+constexpr uint8_t good_enough = 10;
+constexpr float farthest_m = 8.0f;
+/// Faster is no robot: its wheels would turn at 100 turns a second.
+constexpr float fastest_m_s = 10.0f;
+
+constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_READ);
+constexpr uint8_t whole = way_only | static_cast<uint8_t>(OMNI_FLOW_TURN);
+
+/// A pose that can be reckoned with.
+bool is_number(const CountedPose &pose) {
+    return std::fabs(pose.x_m) < 1e6f && std::fabs(pose.y_m) < 1e6f && std::fabs(pose.heading_rad) < 1e6f;
+}
+
+} // namespace
+
+FlowTrouble RegisterFlow::trouble() const {
+    const uint16_t packed = trouble_.load(std::memory_order_relaxed);
+    return {static_cast<FlowCause>(packed & 0xFFu), static_cast<uint8_t>(packed >> 8), chip_.identities[0]};
+}
+
+void RegisterFlow::show(FlowCause cause, uint8_t seen) {
+    trouble_.store(static_cast<uint16_t>(static_cast<uint16_t>(cause) | seen << 8), std::memory_order_relaxed);
+}
+
+void RegisterFlow::start_again(uint64_t now_us, FlowCause cause, uint8_t seen) {
+    show(cause, seen);
+    phase_ = Phase::identify;
+    have_pose_ = false;
+    good_ = 0;
+    failures_ = 0;
+    due_us_ = now_us + retry_us;
+}
+
+/// A batch in flight is still waited for, and nothing else is sent.
+void RegisterFlow::follow_wish() {
+    const bool wanted = wanted_.load(std::memory_order_relaxed);
+    if (wanted == used_) {
+        return;
+    }
+    used_ = wanted;
+    phase_ = Phase::identify;
+    have_pose_ = false;
+    good_ = 0;
+    due_us_ = 0;
+    show(FlowCause::none);
+}
+
+uint8_t RegisterFlow::read(uint64_t now_us, float *moved, bool rests) {
+    rests_ = rests;
+    rested_ = rested_ && rests;
+    follow_wish();
+    const uint8_t fresh = in_flight_ ? take_batch(now_us, moved) : uint8_t{0};
+    if (used_ && !in_flight_ && now_us >= due_us_) {
+        send_next(now_us);
+    }
+    return fresh;
+}
+
+uint8_t RegisterFlow::take_batch(uint64_t now_us, float *moved) {
+    uint8_t bytes[I2cTransaction::max_read] = {};
+    const I2cStatus status = bus_.poll(bytes);
+    if (status == I2cStatus::busy && ++busy_ticks_ < busy_limit) {
+        return 0;
+    }
+    in_flight_ = false;
+    busy_ticks_ = 0;
+    if (!used_) {
+        return 0;
+    }
+    if (status == I2cStatus::done) {
+        return arrived(now_us, bytes, moved);
+    }
+    failed(now_us, status);
+    return 0;
+}
+
+void RegisterFlow::failed(uint64_t now_us, I2cStatus status) {
+    if (status != I2cStatus::nack) {
+        bus_.recover();
+    }
+    const bool running = phase_ == Phase::run || phase_ == Phase::zero;
+    if (!running || ++failures_ >= failures_allowed) {
+        calibrated_ = false; // it may have lost its power
+        start_again(now_us, status == I2cStatus::nack ? FlowCause::absent : FlowCause::bus);
+        return;
+    }
+    phase_ = Phase::run;
+}
+
+uint8_t RegisterFlow::arrived(uint64_t now_us, const uint8_t *bytes, float *moved) {
+    failures_ = 0;
+    if (phase_ == Phase::identify) {
+        identified(now_us, bytes[0]);
+    } else if (phase_ != Phase::run) {
+        next_write_ += 1 + *next_write_;
+        if (*next_write_ == 0) {
+            writes_done(now_us);
+        }
+    } else if (now_us - sent_us_ < stale_us) {
+        return take_pose(now_us, chip_.decode(bytes), moved);
+    }
+    return 0;
+}
+
+/// The next pose is compared with nothing.
+void RegisterFlow::begin(Phase phase, I2cWrites writes) {
+    phase_ = phase;
+    next_write_ = writes;
+    have_pose_ = false;
+    rested_ = rested_ || phase == Phase::calibrate;
+}
+
+void RegisterFlow::writes_done(uint64_t now_us) {
+    if (phase_ == Phase::calibrate) {
+        begin(Phase::start, chip_.start);
+        due_us_ = now_us + chip_.calibrate_us;
+        ready_by_us_ = due_us_ + patience_us;
+        spoilt_ = true;
+    } else if (phase_ == Phase::start) {
+        calibrated_ = calibrated_ || rested_;
+        spoilt_ = spoilt_ && !rested_;
+        begin(Phase::zero, chip_.zero);
+        due_us_ = now_us + chip_.start_us;
+    } else {
+        phase_ = Phase::run;
+        due_us_ = now_us + chip_.zero_us;
+    }
+}
+
+void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
+    if (seen != chip_.identities[0] && seen != chip_.identities[1]) {
+        start_again(now_us, FlowCause::wrong_id, seen);
+        return;
+    }
+    rested_ = false;
+    if (can_calibrate()) {
+        begin(Phase::calibrate, chip_.calibrate);
+    } else {
+        begin(Phase::start, chip_.start);
+    }
+}
+
+/// What the chip does not trust is left out, but the next way counts from here.
+uint8_t RegisterFlow::take_pose(uint64_t now_us, const CountedPose &pose, float *moved) {
+    if (!pose.ready && now_us < ready_by_us_) {
+        return 0;
+    }
+    if (!pose.ready) {
+        calibrated_ = false;
+        start_again(now_us, FlowCause::restarted); // and has lost its settings
+        return 0;
+    }
+    if (!is_number(pose)) {
+        start_again(now_us, FlowCause::jumped);
+        return 0;
+    }
+    uint8_t fresh = OMNI_FLOW_READ;
+    if (pose.cause != FlowCause::none) {
+        good_ = 0;
+        show(pose.cause, pose.status);
+    } else if (have_pose_) {
+        fresh = take_move(now_us, pose, moved);
+    }
+    if (fresh != 0) {
+        last_ = pose;
+        last_us_ = sent_us_;
+        have_pose_ = phase_ == Phase::run; // or it is being set to zero
+    }
+    return fresh;
+}
+
+/// @return 0 after a jump: the start begins anew.
+uint8_t RegisterFlow::take_move(uint64_t now_us, const CountedPose &pose, float *moved) {
+    const float x = pose.x_m - last_.x_m;
+    const float y = pose.y_m - last_.y_m;
+    const float most = fastest_m_s * static_cast<float>(sent_us_ - last_us_) * 1e-6f;
+    if (std::fabs(x) + std::fabs(y) > most) {
+        calibrated_ = false; // it may have lost its power
+        start_again(now_us, FlowCause::jumped);
+        return 0;
+    }
+    const float turn = omni_wrap_pi(pose.heading_rad - last_.heading_rad);
+    float sine = 0.0f;
+    float cosine = 1.0f;
+    omni_sincosf(omni_wrap_pi(last_.heading_rad + 0.5f * turn), &sine, &cosine);
+    moved[0] = cosine * x + sine * y;
+    moved[1] = cosine * y - sine * x;
+    moved[2] = turn;
+    good_ = good_ < good_enough ? static_cast<uint8_t>(good_ + 1) : good_;
+    if (good_ == good_enough) {
+        show(FlowCause::none);
+    }
+    if (std::max(std::fabs(pose.x_m), std::fabs(pose.y_m)) > farthest_m) {
+        begin(Phase::zero, chip_.zero);
+        due_us_ = now_us;
+    }
+    return spoilt_ ? way_only : whole;
+}
+
+void RegisterFlow::send(uint64_t now_us, const I2cTransaction &transaction) {
+    sent_us_ = now_us;
+    in_flight_ = bus_.submit(&transaction, 1);
+    if (!in_flight_) {
+        failed(now_us, I2cStatus::stuck);
+    }
+}
+
+void RegisterFlow::send_write(uint64_t now_us) {
+    send(now_us, i2c_write_of(address_, next_write_ + 1, *next_write_));
+}
+
+void RegisterFlow::send_read(uint64_t now_us, uint8_t reg, uint8_t count) {
+    I2cTransaction transaction = i2c_write_of(address_, &reg, 1);
+    transaction.read_length = count;
+    send(now_us, transaction);
+}
+
+void RegisterFlow::send_next(uint64_t now_us) {
+    if (phase_ == Phase::identify) {
+        ++starts_;
+        send_read(now_us, chip_.identity_reg, 1);
+    } else if (phase_ == Phase::run && can_calibrate()) {
+        begin(Phase::calibrate, chip_.calibrate);
+        send_write(now_us);
+    } else if (phase_ == Phase::run) {
+        due_us_ = now_us + period_us;
+        send_read(now_us, chip_.data_reg, chip_.data_count);
+    } else {
+        send_write(now_us);
+    }
+}
+
+} // namespace omni

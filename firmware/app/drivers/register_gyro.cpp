@@ -1,0 +1,348 @@
+// SPDX-License-Identifier: MIT
+#include "app/drivers/register_gyro.h"
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "omni/gyro.h"
+
+namespace omni {
+namespace {
+
+constexpr uint8_t reading_bytes = 6;
+constexpr uint16_t jump_window = 1000; ///< readings
+/// Of them. A wrong bit is one of the upper four in a quarter of all cases: so thrice as many are used unseen.
+constexpr uint16_t jumps_allowed = 5;
+
+constexpr uint64_t retry_us = 200'000;
+/// A reading that waited longer was asked for before a pause: the host was in the loop.
+constexpr uint64_t stale_us = 10'000;
+constexpr uint16_t look_interval = 50; ///< readings
+/// Ticks that a batch may take. The longest, the set-up, is 0.6 ms at 400 kHz.
+constexpr uint8_t busy_limit = 5;
+constexpr uint8_t failures_allowed = 10;
+constexpr uint8_t invalid_allowed = 10;
+constexpr uint8_t same_allowed = OMNI_GYRO_STUCK_SAMPLES;
+constexpr uint8_t good_enough = OMNI_GYRO_GOOD_SAMPLES;
+
+} // namespace
+
+GyroTrouble RegisterGyro::trouble() const {
+    const uint16_t packed = trouble_.load(std::memory_order_relaxed);
+    return {static_cast<GyroCause>(packed & 0xFFu), static_cast<uint8_t>(packed >> 8), chip_.identity};
+}
+
+void RegisterGyro::show(GyroCause cause, uint8_t seen) {
+    trouble_.store(static_cast<uint16_t>(static_cast<uint16_t>(cause) | seen << 8), std::memory_order_relaxed);
+}
+
+void RegisterGyro::start_again(uint64_t now_us, GyroCause cause, uint8_t seen) {
+    show(cause, seen);
+    phase_ = Phase::identify;
+    good_ = 0;
+    failures_ = 0;
+    due_us_ = now_us + retry_us;
+}
+
+/// Another axis has another history. Without one the batch in flight is still waited for, and nothing else is sent.
+void RegisterGyro::follow_axis() {
+    const int8_t wanted = wanted_axis_.load(std::memory_order_relaxed);
+    if (wanted == axis_) {
+        return;
+    }
+    if (axis_ == 0 || wanted == 0) {
+        phase_ = Phase::identify;
+        due_us_ = 0;
+        show(GyroCause::none);
+    }
+    axis_ = wanted;
+    have_used_ = false;
+    good_ = 0;
+}
+
+uint8_t RegisterGyro::read(uint64_t now_us, float *rad_s) {
+    follow_axis();
+    const uint8_t fresh = in_flight_ ? take_batch(now_us, rad_s) : uint8_t{0};
+    if (axis_ != 0 && !in_flight_ && now_us >= due_us_) {
+        send_next(now_us);
+    }
+    return fresh;
+}
+
+uint8_t RegisterGyro::take_batch(uint64_t now_us, float *rad_s) {
+    uint8_t bytes[I2cTransaction::max_read] = {};
+    const I2cStatus status = bus_.poll(bytes);
+    if (status == I2cStatus::busy && ++busy_ticks_ < busy_limit) {
+        return 0;
+    }
+    in_flight_ = false;
+    busy_ticks_ = 0;
+    if (axis_ == 0) {
+        return 0;
+    }
+    if (status == I2cStatus::done) {
+        return arrived(now_us, bytes, rad_s);
+    }
+    failed(now_us, status);
+    return 0;
+}
+
+void RegisterGyro::failed(uint64_t now_us, I2cStatus status) {
+    if (status != I2cStatus::nack) {
+        bus_.recover();
+    }
+    if (phase_ != Phase::run || ++failures_ >= failures_allowed) {
+        start_again(now_us, status == I2cStatus::nack ? GyroCause::absent : GyroCause::bus);
+    }
+}
+
+uint8_t RegisterGyro::arrived(uint64_t now_us, const uint8_t *bytes, float *rad_s) {
+    failures_ = 0;
+    if (phase_ == Phase::identify) {
+        identified(now_us, bytes[0]);
+    } else if (phase_ == Phase::step) {
+        step_done(now_us, bytes);
+    } else if (looking_) {
+        check_look(now_us, bytes);
+    } else if (now_us - sent_us_ < stale_us) {
+        return take_reading(now_us, bytes, rad_s);
+    }
+    return 0;
+}
+
+void RegisterGyro::identified(uint64_t now_us, uint8_t seen) {
+    if (seen != chip_.identity) {
+        start_again(now_us, GyroCause::wrong_id, seen);
+        return;
+    }
+    phase_ = Phase::step;
+    step_ = 0;
+    attempts_ = 0;
+    uploaded_ = 0;
+}
+
+void RegisterGyro::next_step(uint64_t now_us, uint32_t wait_us) {
+    due_us_ = now_us + wait_us;
+    attempts_ = 0;
+    if (++step_ == chip_.step_count) {
+        begin_run();
+    }
+}
+
+void RegisterGyro::step_done(uint64_t now_us, const uint8_t *bytes) {
+    const GyroStep &step = chip_.steps[step_];
+    if (step.kind == GyroStep::Kind::upload) {
+        uploaded_ += upload_piece;
+        if (uploaded_ < configuration_size_) {
+            return;
+        }
+    } else if (step.kind == GyroStep::Kind::expect && (bytes[0] & step.mask) != step.value) {
+        due_us_ = now_us + step.wait_us;
+        if (++attempts_ == step.attempts) {
+            start_again(now_us, GyroCause::configuration, bytes[0]);
+        }
+        return;
+    }
+    next_step(now_us, step.kind == GyroStep::Kind::expect ? 0 : step.wait_us);
+}
+
+/// All settings are looked at before the first reading.
+void RegisterGyro::begin_run() {
+    phase_ = Phase::run;
+    suspicious_ = true;
+    wrong_look_ = have_used_ = left_out_ = noisy_ = false;
+    look_ = 0;
+    since_look_ = 0;
+    invalid_ = same_ = 0;
+    window_ = jumps_ = 0;
+}
+
+/// Something wrong counts twice in a row, because a bit may have got lost on the wires. The second time the settings
+/// come first: a chip that has lost them does not measure, either.
+void RegisterGyro::check_look(uint64_t now_us, const uint8_t *bytes) {
+    const GyroLook &look = chip_.looks[look_];
+    since_look_ = 0;
+    const bool right = std::equal(bytes, bytes + look.count, look.expected,
+                                  [&look](uint8_t seen, uint8_t wanted) { return (seen & look.mask) == wanted; });
+    if (!right && wrong_look_) {
+        start_again(now_us, look.cause);
+    } else if (!right) {
+        suspicious_ = wrong_look_ = true;
+        look_ = 0;
+    } else if (++look_ == chip_.look_count) {
+        suspicious_ = wrong_look_ = false;
+        look_ = 0;
+    }
+}
+
+int16_t RegisterGyro::value_of(const uint8_t *bytes) const {
+    const uint8_t high = chip_.high_byte_first ? bytes[0] : bytes[1];
+    const uint8_t low = chip_.high_byte_first ? bytes[1] : bytes[0];
+    return static_cast<int16_t>(static_cast<uint16_t>(high << 8 | low));
+}
+
+bool RegisterGyro::is_jump(int16_t from, int16_t to) const {
+    return std::abs(static_cast<int>(to) - static_cast<int>(from)) > jump_steps_;
+}
+
+uint8_t RegisterGyro::take_reading(uint64_t now_us, const uint8_t *bytes, float *rad_s) {
+    int16_t raw[axes];
+    for (size_t i = 0; i < axes; ++i) {
+        raw[i] = value_of(bytes + 2 * i);
+    }
+    if (std::all_of(raw, raw + axes, [this](int16_t value) { return value == chip_.no_reading; })) {
+        suspicious_ = true;
+        if (++invalid_ >= invalid_allowed) {
+            start_again(now_us, GyroCause::silent);
+        }
+        return 0;
+    }
+    invalid_ = 0;
+    const int16_t own = raw[std::abs(axis_) - 1];
+    const bool jumped = jumps(own);
+    if (stands_still(raw)) {
+        start_again(now_us, GyroCause::stuck);
+        return 0;
+    }
+    count_jump(jumped);
+    if (jumped || noisy_) {
+        return 0;
+    }
+    judge(own);
+    for (size_t i = 0; i < axes; ++i) {
+        rad_s[i] = static_cast<float>(raw[i]) * chip_.rad_s_per_step;
+    }
+    return (1u << axes) - 1u;
+}
+
+bool RegisterGyro::stands_still(const int16_t *raw) {
+    same_ = std::equal(raw, raw + axes, last_) ? static_cast<uint8_t>(same_ + 1) : uint8_t{0};
+    std::copy(raw, raw + axes, last_);
+    return same_ >= same_allowed;
+}
+
+/// A jump is believed once the next reading is at the same place.
+bool RegisterGyro::jumps(int16_t raw) {
+    const int16_t before = last_[std::abs(axis_) - 1];
+    left_out_ = have_used_ && is_jump(used_, raw) && (!left_out_ || is_jump(before, raw));
+    have_used_ = true;
+    used_ = left_out_ ? used_ : raw;
+    return left_out_;
+}
+
+void RegisterGyro::count_jump(bool jumped) {
+    jumps_ = static_cast<uint16_t>(jumps_ + (jumped ? 1 : 0));
+    if (jumps_ > jumps_allowed && !noisy_) {
+        noisy_ = true;
+        good_ = 0;
+        show(GyroCause::noisy);
+    }
+    if (++window_ >= jump_window) {
+        noisy_ = jumps_ > jumps_allowed;
+        window_ = jumps_ = 0;
+    }
+}
+
+/// A saturated reading is handed on: the core knows GYRO_MAX.
+void RegisterGyro::judge(int16_t raw) {
+    if (raw >= chip_.end_of_range || raw <= -chip_.end_of_range) {
+        good_ = 0;
+        show(GyroCause::saturated);
+        return;
+    }
+    good_ = good_ < good_enough ? static_cast<uint8_t>(good_ + 1) : good_;
+    if (good_ == good_enough) {
+        show(GyroCause::none);
+    }
+}
+
+I2cTransaction RegisterGyro::write_of(const uint8_t *bytes, size_t count) const {
+    I2cTransaction transaction;
+    transaction.address = address_;
+    transaction.write_length = static_cast<uint8_t>(count);
+    std::copy(bytes, bytes + count, transaction.write);
+    return transaction;
+}
+
+/// @return transactions.
+size_t RegisterGyro::compile(GyroWrites writes, I2cTransaction *batch) const {
+    size_t count = 0;
+    while (writes != nullptr && *writes != 0 && count < GyroRegisters::max_writes) {
+        batch[count++] = write_of(writes + 1, *writes);
+        writes += 1 + *writes;
+    }
+    return count;
+}
+
+void RegisterGyro::send(uint64_t now_us, const I2cTransaction *batch, size_t count) {
+    sent_us_ = now_us;
+    in_flight_ = bus_.submit(batch, count);
+    if (!in_flight_) {
+        failed(now_us, I2cStatus::stuck);
+    }
+}
+
+void RegisterGyro::send_writes(uint64_t now_us, GyroWrites writes) {
+    I2cTransaction batch[GyroRegisters::max_writes];
+    send(now_us, batch, compile(writes, batch));
+}
+
+void RegisterGyro::send_read(uint64_t now_us, uint8_t reg, uint8_t count) {
+    I2cTransaction transaction = write_of(&reg, 1);
+    transaction.read_length = count;
+    send(now_us, &transaction, 1);
+}
+
+void RegisterGyro::send_identify(uint64_t now_us) {
+    ++starts_;
+    I2cTransaction batch[GyroRegisters::max_writes + 1];
+    const size_t count = compile(chip_.before_identity, batch);
+    batch[count] = write_of(&chip_.identity_reg, 1);
+    batch[count].read_length = 1;
+    send(now_us, batch, count + 1);
+}
+
+/// The place comes with each piece.
+void RegisterGyro::send_piece(uint64_t now_us) {
+    const size_t word = uploaded_ / 2;
+    const uint8_t place[] = {chip_.upload_place_reg, static_cast<uint8_t>(word & 0xFu),
+                             static_cast<uint8_t>(word >> 4)};
+    uint8_t piece[upload_piece + 1] = {chip_.upload_reg};
+    std::copy(configuration_ + uploaded_, configuration_ + uploaded_ + upload_piece, piece + 1);
+    const I2cTransaction batch[] = {write_of(place, sizeof place), write_of(piece, sizeof piece)};
+    send(now_us, batch, 2);
+}
+
+void RegisterGyro::send_step(uint64_t now_us) {
+    const GyroStep &step = chip_.steps[step_];
+    switch (step.kind) {
+    case GyroStep::Kind::write:
+        send_writes(now_us, step.writes);
+        return;
+    case GyroStep::Kind::upload:
+        send_piece(now_us);
+        return;
+    case GyroStep::Kind::expect:
+        send_read(now_us, step.reg, 1);
+        return;
+    }
+}
+
+void RegisterGyro::send_next(uint64_t now_us) {
+    if (phase_ == Phase::identify) {
+        send_identify(now_us);
+        return;
+    }
+    if (phase_ == Phase::step) {
+        send_step(now_us);
+        return;
+    }
+    looking_ = suspicious_ || ++since_look_ >= look_interval;
+    if (looking_) {
+        send_read(now_us, chip_.looks[look_].reg, chip_.looks[look_].count);
+    } else {
+        send_read(now_us, chip_.data_reg, reading_bytes);
+    }
+}
+
+} // namespace omni

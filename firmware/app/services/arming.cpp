@@ -1,0 +1,150 @@
+// SPDX-License-Identifier: MIT
+#include "app/services/arming.h"
+
+#include "app/base/cold.h"
+#include "app/base/core.h"
+
+namespace omni {
+namespace {
+
+/// Before the first tick, or while the motor driver's first setup is under way without any error.
+bool starting_up(const TickReport &latest) {
+    const uint32_t others = latest.arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
+    const bool driver_not_yet = others == OMNI_FAULT_DRIVER && latest.i2c_errors == 0;
+    return latest.outputs.state == OMNI_STATE_INIT || driver_not_yet;
+}
+
+} // namespace
+
+uint8_t Arming::command(float wanted, const Sender &sender) {
+    if (wanted == 1.0f) {
+        return arm(sender);
+    }
+    // Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
+    return wanted == 0.0f ? stop(OMNI_EVENT_DISARM, sender) : static_cast<uint8_t>(MAV_RESULT_DENIED);
+}
+
+/// Who arms a robot without the pin should know what that means. Once is enough.
+void Arming::warn_of_missing_pin() {
+    if (!pin_said_ && !robot_.hil() && !conditions_.output_enable.wired()) {
+        pin_said_ = true;
+        texts_.say(MAV_SEVERITY_NOTICE, Text().add("no output-enable pin: a dead bus cannot be stopped"));
+    }
+}
+
+uint8_t Arming::arm(const Sender &sender) {
+    const uint8_t state = robot_.state();
+    if (robot_.reboot()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
+        return MAV_RESULT_DENIED;
+    }
+    if (robot_.stopping() &&
+        (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_DISARMED)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet: in one tick it would
+                                                // win
+    }
+    if (state == OMNI_STATE_ARMED) {
+        heartbeats_.commanded(sender);
+        return MAV_RESULT_ACCEPTED;
+    }
+    if (robot_.misfit() != nullptr) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: own values do not fit"));
+        return MAV_RESULT_DENIED;
+    }
+    if (conditions_.hil.hil_silent()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: no sensor readings yet"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (conditions_.scan.running()) {
+        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: I2C scan"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (starting_up(robot_.latest())) {
+        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("cannot arm yet: starting up"));
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    if (state == OMNI_STATE_ESTOP && robot_.releasing()) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the release was accepted and has not been reported yet
+    }
+    if (state != OMNI_STATE_DISARMED) {
+        const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
+        const char *way_out = state == OMNI_STATE_ESTOP ? " (release it first)" : " (disarm first)";
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: ").add(name).add(way_out));
+        return MAV_RESULT_DENIED;
+    }
+    const uint32_t faults = robot_.latest().arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
+    if (faults != 0) {
+        texts_.refuse(MAV_SEVERITY_WARNING, fault_text("cannot arm: ", faults));
+        // Wheels that still turn come to rest by themselves.
+        return faults == OMNI_FAULT_OVERSPEED ? MAV_RESULT_TEMPORARILY_REJECTED : MAV_RESULT_DENIED;
+    }
+    if (!signing_.store_for_drive()) {
+        texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
+    }
+    heartbeats_.armed_by(sender);
+    if (!control_.request_event(OMNI_EVENT_ARM)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    robot_.expect_arming();
+    warn_of_missing_pin();
+    trajectories_.on_arm(sender);
+    excitations_.on_arm();
+    return MAV_RESULT_ACCEPTED;
+}
+
+uint8_t Arming::stop(uint32_t event, const Sender &sender) {
+    trajectories_.on_disarm();
+    control_.plans.withdraw();
+    control_.stop(event);
+    robot_.expect_stop();
+    tell_who("stopped", sender);
+    heartbeats_.stations.end_drives_but(sender);
+    return MAV_RESULT_ACCEPTED;
+}
+
+/// For the station whose drive it was. After the stop, which waits for nothing.
+OMNI_COLD void Arming::tell_who(const char *did, const Sender &sender) {
+    if (robot_.armed() && !heartbeats_.stations.counts(sender)) {
+        texts_.say(MAV_SEVERITY_NOTICE, Text()
+                                            .add(did)
+                                            .add(" by station ")
+                                            .add(uint32_t{sender.system})
+                                            .add("/")
+                                            .add(uint32_t{sender.component})
+                                            .add(" on link ")
+                                            .add(static_cast<uint32_t>(sender.link + 1)));
+    }
+}
+
+uint8_t Arming::estop(const Sender &sender) {
+    return stop(OMNI_EVENT_ESTOP, sender);
+}
+
+uint8_t Arming::estop_or_release(float stop, const Sender &sender) {
+    return stop == 0.0f ? release() : estop(sender);
+}
+
+uint8_t Arming::release() {
+    if (robot_.disarming()) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
+    }
+    if (robot_.armed()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
+        return MAV_RESULT_DENIED;
+    }
+    if (button_.open()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("not released: the stop button is still open"));
+        return MAV_RESULT_DENIED;
+    }
+    if (control_.stopping(OMNI_EVENT_ESTOP)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
+    }
+    button_.release();
+    if (!control_.request_event(OMNI_EVENT_ESTOP_CLEAR)) {
+        return MAV_RESULT_TEMPORARILY_REJECTED;
+    }
+    robot_.expect_release();
+    return MAV_RESULT_ACCEPTED;
+}
+
+} // namespace omni

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: MIT
+/// @file arming.h  Motors on and off by command: arming, disarming, the emergency stop and its release.
+///
+/// Stops are always possible and wait for nothing. Arming is refused with a reason wherever a motor could move
+/// unexpectedly.
+#pragma once
+
+#include "app/link/signing.h"
+#include "app/services/button_watch.h"
+#include "app/services/excitations.h"
+#include "app/services/heartbeats.h"
+#include "app/services/hil_switch.h"
+#include "app/services/scan_service.h"
+#include "app/services/trajectories.h"
+
+namespace omni {
+
+class Arming {
+public:
+    /// What is looked at before arming, beside the robot itself.
+    struct Conditions {
+        OutputEnable &output_enable;
+        const ScanService &scan;
+        const HilSwitch &hil;
+    };
+
+    Arming(const Conditions &conditions, Texts &texts, RobotState &robot, ControlLoop &control, Heartbeats &heartbeats,
+           ButtonWatch &button, Signing &signing, Trajectories &trajectories, Excitations &excitations)
+        : conditions_(conditions), texts_(texts), robot_(robot), control_(control), heartbeats_(heartbeats),
+          button_(button), signing_(signing), trajectories_(trajectories), excitations_(excitations) {}
+
+    /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param sender that asks. @return MAV_RESULT
+    uint8_t command(float wanted, const Sender &sender);
+    uint8_t estop(const Sender &sender);
+    /// MAV_CMD_OMNI_ESTOP. Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
+    uint8_t estop_or_release(float stop, const Sender &sender);
+    /// For the station whose drive another one ended. @param did "stopped", "held"
+    void tell_who(const char *did, const Sender &sender);
+
+private:
+    uint8_t arm(const Sender &sender);
+    void warn_of_missing_pin();
+    uint8_t stop(uint32_t event, const Sender &sender);
+    uint8_t release();
+
+    const Conditions conditions_;
+    Texts &texts_;
+    RobotState &robot_;
+    ControlLoop &control_;
+    Heartbeats &heartbeats_;
+    ButtonWatch &button_;
+    Signing &signing_;
+    Trajectories &trajectories_;
+    Excitations &excitations_;
+    bool pin_said_ = false;
+};
+
+} // namespace omni

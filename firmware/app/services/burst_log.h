@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: MIT
+/// @file burst_log.h  Starts bursts, and hands a recorded one out with MAVLink's log protocol: as ground stations fetch
+/// a log.
+///
+/// The newest burst is log number 0. What is lost on the way is asked for again by whoever fetches it. The data go out
+/// with the lowest priority, so telemetry and answers come first.
+#pragma once
+
+#include "app/services/parameters.h"
+#include "app/services/robot_state.h"
+
+namespace omni {
+
+class BurstLog {
+public:
+    BurstLog(const Board &board, Links &links, Texts &texts, const RobotState &robot, ControlLoop &control,
+             const Parameters &parameters)
+        : links_(links), texts_(texts), robot_(robot), control_(control), parameters_(parameters) {
+        control.burst.attach(board.burst_memory, board.burst_bytes);
+    }
+
+    /// MAV_CMD_OMNI_BURST. @param wait begin with the next experiment. @return MAV_RESULT
+    uint8_t start(float duration_s, float every, float signals, float wheels, float wait);
+    /// @return false if this is no message of the log protocol.
+    bool take(const Frame &frame, const Sender &sender);
+    /// Send what was asked for and fits.
+    void serve();
+    /// A link has somebody else behind it.
+    void forget(size_t link) { streams_[link] = {}; }
+
+private:
+    /// What a link is still to be sent.
+    struct Stream {
+        uint32_t next = 0;
+        uint32_t end = 0;
+        bool active = false;
+    };
+    uint8_t refuse(const Text &why);
+    bool plan(float duration_s, float every, float signals, float wheels, BurstPlan &plan) const;
+    void send_entry(const Sender &sender);
+    void begin(const mavlink_log_request_data_t &request, const Sender &sender);
+    void erase();
+    bool send_piece(size_t link, Stream &stream);
+
+    Links &links_;
+    Texts &texts_;
+    const RobotState &robot_;
+    ControlLoop &control_;
+    const Parameters &parameters_;
+    Stream streams_[Board::max_ports];
+};
+
+} // namespace omni

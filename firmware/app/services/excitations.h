@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: MIT
+/// @file excitations.h  MAV_CMD_OMNI_EXCITE: checks what an experiment wants added to the loop, and hands it to the
+/// tick. A prepared burst begins with it.
+#pragma once
+
+#include "app/services/parameters.h"
+#include "app/services/robot_state.h"
+
+namespace omni {
+
+class Excitations {
+public:
+    static constexpr float max_s = 120.0f;
+    static constexpr float max_hz = 400.0f;
+
+    /// What the command's parameters say.
+    struct Wanted {
+        float place = 0.0f;
+        float index = 0.0f;
+        float amplitude = 0.0f;
+        float duration_s = 0.0f;
+        float from_hz = 0.0f;
+        float to_hz = 0.0f;
+    };
+
+    Excitations(Texts &texts, const RobotState &robot, ControlLoop &control, const Parameters &parameters)
+        : texts_(texts), robot_(robot), control_(control), parameters_(parameters) {}
+
+    /// @param receipt of a numbered command, else 0: a command that comes again because its answer was lost is not
+    /// done again. @return MAV_RESULT
+    uint8_t start(const Wanted &wanted, int32_t receipt);
+    /// Another drive begins: numbers from before it are forgotten.
+    void on_arm() { done_ = 0; }
+
+private:
+    uint8_t refuse(const char *why);
+    const char *check_numbers(const Wanted &wanted) const;
+    const char *check_amplitude(const Wanted &wanted) const;
+    const char *check_state(uint8_t place) const;
+
+    Texts &texts_;
+    const RobotState &robot_;
+    ControlLoop &control_;
+    const Parameters &parameters_;
+    int32_t done_ = 0; ///< receipt of the latest one
+};
+
+} // namespace omni

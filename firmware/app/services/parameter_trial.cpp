@@ -1,0 +1,68 @@
+// SPDX-License-Identifier: MIT
+#include "app/services/parameter_trial.h"
+
+#include <cstring>
+
+#include "app/base/cold.h"
+
+namespace omni {
+
+OMNI_COLD uint8_t ParameterTrial::refuse(const char *why) {
+    texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trial refused: ").add(why));
+    return MAV_RESULT_DENIED;
+}
+
+OMNI_COLD uint8_t ParameterTrial::begin(const Sender &sender) {
+    if (robot_.armed()) {
+        return robot_.refuse_armed("trial refused");
+    }
+    if (on_) {
+        return refuse(sender.link == station_.link ? "end the one that goes on" : "another link tries parameters");
+    }
+    if (!heartbeats_.stations.alive(sender, clock_.now_us)) {
+        return refuse("no heartbeats of this station");
+    }
+    std::memcpy(before_, parameters_.values(), sizeof before_);
+    station_ = sender;
+    session_ = board_.ports[sender.link]->session();
+    on_ = true;
+    return MAV_RESULT_ACCEPTED;
+}
+
+OMNI_COLD uint8_t ParameterTrial::command(float action, const Sender &sender) {
+    const bool own = on_ && sender.link == station_.link;
+    const bool goes_on = own && !over_;
+    if (action == 1.0f) {
+        return begin(sender);
+    }
+    if (action == 2.0f && (own || !on_)) {
+        over_ = on_;
+        serve();
+        return MAV_RESULT_ACCEPTED;
+    }
+    if (action == 0.0f && goes_on) {
+        on_ = false;
+        return MAV_RESULT_ACCEPTED;
+    }
+    if (action == 0.0f) {
+        return refuse("there is none to keep");
+    }
+    return action == 3.0f && goes_on ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED;
+}
+
+void ParameterTrial::serve() {
+    if (on_ &&
+        (!heartbeats_.stations.alive(station_, clock_.now_us) || board_.ports[station_.link]->session() != session_)) {
+        over_ = true;
+    }
+    const bool may_drive = robot_.armed() && robot_.state() != OMNI_STATE_FAILSAFE;
+    if (!over_ || may_drive) {
+        return;
+    }
+    on_ = over_ = false;
+    if (parameters_.take_back(before_)) {
+        texts_.say(MAV_SEVERITY_NOTICE, Text().add("trial ended: parameters are as before"));
+    }
+}
+
+} // namespace omni

@@ -1,0 +1,164 @@
+// SPDX-License-Identifier: MIT
+#include "app/services/pose_fixes.h"
+
+#include <algorithm>
+
+#include "app/base/cold.h"
+#include "app/base/core.h"
+#include "app/link/frames.h"
+
+namespace omni {
+namespace {
+
+constexpr uint64_t oldest_us = 250'000;
+constexpr uint64_t ahead_us = 5'000;
+/// Further than this [m or rad] no sensor, however coarse, says the same pose twice.
+constexpr float frozen_travel = 0.005f;
+/// As far [m, rad] from the estimate, three exact zeros are no measurement.
+constexpr float most_zero_offset = 0.02f;
+/// A fix whose x and y may be off by more [m] tells nothing, but it would count as one: `pose stale` would not show.
+constexpr float most_sd_xy = 1.0f;
+
+/// Standard deviation from a variance; 0 (take the configured one) if the sender gave none. An infinite one is large.
+float standard_deviation(float variance) {
+    constexpr float most = 1e6f;
+    return variance > 0.0f ? omni_sqrtf(variance < most ? variance : most) : 0.0f;
+}
+
+/// Whether a quaternion is a rotation: of length 1, but for rounding. A lost tracker's zeros are none.
+bool is_rotation(const float (&q)[4]) {
+    constexpr float off = 0.01f;
+    const float square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    return square > (1.0f - off) * (1.0f - off) && square < (1.0f + off) * (1.0f + off);
+}
+
+/// The time that these 32 bits stand for: the one nearest to now. They wrap every 49.7 days.
+uint64_t whole_time_us(uint32_t time_ms, uint64_t now_us) {
+    const uint64_t now_ms = now_us / 1000;
+    const auto ahead_ms = static_cast<int32_t>(time_ms - static_cast<uint32_t>(now_ms));
+    return (now_ms + static_cast<uint64_t>(static_cast<int64_t>(ahead_ms))) * 1000;
+}
+
+} // namespace
+
+uint64_t PoseFixes::time_of(uint64_t stamp_us) const {
+    const uint64_t now = clock_.now_us;
+    if (stamp_us != 0 && stamp_us <= now + ahead_us && stamp_us + oldest_us >= now) {
+        return stamp_us;
+    }
+    const auto delay_us = static_cast<uint64_t>(parameters_.values()[OMNI_PARAM_FIX_DELAY] * 1e6f);
+    return now > delay_us ? now - delay_us : 0;
+}
+
+void PoseFixes::restart() {
+    std::fill(said_us_, said_us_ + Board::max_ports, uint64_t{0});
+    last_us_ = 0;
+    travelled_ = 0.0f;
+    count_ = 0;
+    drift_.restart();
+}
+
+/// In place of the oldest if there is no room.
+void PoseFixes::wait(const omni_pose_fix_t &fix) {
+    if (count_ == most_waiting) {
+        first_ = (first_ + 1) % most_waiting;
+        --count_;
+        complain("too many at once");
+    }
+    waiting_[(first_ + count_) % most_waiting] = fix;
+    ++count_;
+}
+
+void PoseFixes::serve() {
+    while (count_ > 0 && control_.offer_fix(waiting_[first_])) {
+        first_ = (first_ + 1) % most_waiting;
+        --count_;
+    }
+}
+
+void PoseFixes::complain(const char *why) {
+    texts_.refuse_streamed(said_us_, Text().add("pose fix refused: ").add(why));
+}
+
+/// How far the wheels have gone meanwhile, slip or not, is what the sensor cannot have missed.
+bool PoseFixes::frozen(const omni_pose_t &world) {
+    const omni_twist_t &rate = robot_.latest().outputs.rate;
+    const uint64_t elapsed_us = last_us_ != 0 && clock_.now_us > last_us_ ? clock_.now_us - last_us_ : 0;
+    const float speed = omni_sqrtf(rate.vx * rate.vx + rate.vy * rate.vy) + omni_absf(rate.wz);
+    const bool repeated = last_us_ != 0 && world.x == last_.x && world.y == last_.y && world.theta == last_.theta;
+    travelled_ = repeated ? travelled_ + speed * static_cast<float>(elapsed_us) * 1e-6f : 0.0f;
+    last_ = world;
+    last_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
+    return travelled_ > frozen_travel;
+}
+
+/// A tracker that has lost its object sends zeros. A measurement is exactly zero in all three only if it has no noise,
+/// as in a simulation: it is then near the estimate and can be used. Far from it the zeros would become the pose, after
+/// some outliers, and a robot that holds would drive off.
+OMNI_COLD bool PoseFixes::zeros_of_lost(const omni_pose_t &world) const {
+    const omni_pose_t &at = robot_.latest().outputs.pose;
+    const bool zeros = world.x == 0.0f && world.y == 0.0f && world.theta == 0.0f;
+    return zeros && !(omni_absf(at.x) <= most_zero_offset && omni_absf(at.y) <= most_zero_offset &&
+                      omni_absf(omni_wrap_pi(at.theta)) <= most_zero_offset);
+}
+
+/// @param covariance row-major upper triangle of 6 x 6: x, y, yaw are elements 0, 6, 20.
+void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance) {
+    const float x = standard_deviation(covariance[0]);
+    const float y = standard_deviation(covariance[6]);
+    accept(world, stamp_us, x > y ? x : y, standard_deviation(covariance[20]));
+}
+
+/// @param sd_xy, sd_theta standard deviations [m, rad]; 0: not known.
+void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta) {
+    if (!omni_pose_is_finite(&world)) {
+        complain("not finite");
+        return;
+    }
+    if (sd_xy > most_sd_xy) {
+        complain("it may be off by metres");
+        return;
+    }
+    if (zeros_of_lost(world)) {
+        complain("zeros: is the tracker lost?");
+        return;
+    }
+    if (frozen(world)) {
+        complain("it repeats itself");
+        return;
+    }
+    drift_.compare(world, robot_.armed());
+    omni_pose_fix_t fix{};
+    fix.time_us = time_of(stamp_us);
+    fix.pose = {world.x, world.y, omni_wrap_pi(world.theta)};
+    fix.sd_xy = sd_xy;
+    fix.sd_theta = sd_theta;
+    wait(fix);
+    serve();
+}
+
+void PoseFixes::on_vicon(const Frame &frame) {
+    const auto message = frame.as<mavlink_vicon_position_estimate_t>();
+    accept(flip_frame(omni_pose_t{message.x, message.y, message.yaw}), message.usec, message.covariance);
+}
+
+void PoseFixes::on_mocap(const Frame &frame) {
+    const auto message = frame.as<mavlink_att_pos_mocap_t>();
+    const auto &q = message.q; // w, x, y, z
+    if (!is_rotation(q)) {
+        complain("its quaternion is no rotation");
+        return;
+    }
+    const float yaw = omni_atan2f(2.0f * (q[0] * q[3] + q[1] * q[2]), 1.0f - 2.0f * (q[2] * q[2] + q[3] * q[3]));
+    accept(flip_frame(omni_pose_t{message.x, message.y, yaw}), message.time_usec, message.covariance);
+}
+
+void PoseFixes::on_compact(const Frame &frame) {
+    const auto message = frame.as<mavlink_omni_pose_fix_t>();
+    const omni_pose_t pose = {static_cast<float>(message.x_mm) * 1e-3f, static_cast<float>(message.y_mm) * 1e-3f,
+                              static_cast<float>(message.theta_mrad10) * 1e-4f};
+    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0,
+           static_cast<float>(message.sd_xy_mm10) * 1e-4f, static_cast<float>(message.sd_theta_mrad10) * 1e-4f);
+}
+
+} // namespace omni

@@ -1,0 +1,136 @@
+// SPDX-License-Identifier: MIT
+#include "app/services/trajectories.h"
+
+#include "app/base/cold.h"
+#include "app/base/core.h"
+
+namespace omni {
+
+/// Is a number that takes a parameter's place in its range? Refuses it otherwise.
+bool Trajectories::accepts(int32_t parameter, float value, const char *name) {
+    if (omni_param_check(parameter, value, false) == OMNI_OK) {
+        return true;
+    }
+    const omni_param_info_t &info = omni_param_table[parameter];
+    texts_.refuse(MAV_SEVERITY_WARNING, Text().add(name).add(": ").add(info.minimum).add("..").add(info.maximum));
+    return false;
+}
+
+/// Plan into the scratch slot from the present pose.
+OMNI_COLD uint8_t Trajectories::plan() {
+    omni_trajectory_config_t config = parameters_.config().trajectory;
+    if (type_ != -1.0f) {
+        if (!accepts(OMNI_PARAM_TRJ_TYPE, type_, "trajectory type")) {
+            return MAV_RESULT_DENIED;
+        }
+        config.type = static_cast<uint8_t>(type_);
+    }
+    if (laps_ != -1.0f) {
+        if (!accepts(OMNI_PARAM_TRJ_LAPS, laps_, "laps")) {
+            return MAV_RESULT_DENIED;
+        }
+        config.laps = laps_;
+    }
+    if (period_s_ != 0.0f) {
+        if (!accepts(OMNI_PARAM_TRJ_PERIOD, period_s_, "period [s]")) {
+            return MAV_RESULT_DENIED;
+        }
+        config.period_s = period_s_;
+    }
+    const bool listed = omni_trajectory_needs_waypoints(config.type);
+    if (listed && waypoints_.count < 2) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: send two waypoints or more"));
+        return MAV_RESULT_DENIED;
+    }
+    omni_trajectory_t &path = control_.plans.scratch();
+    const omni_pose_t &at = robot_.latest().outputs.pose;
+    if (omni_trajectory_plan(&path, &config, &parameters_.config().kinematics, listed ? &waypoints_ : nullptr, &at) !=
+        OMNI_OK) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: check the TRJ_ parameters"));
+        return MAV_RESULT_FAILED;
+    }
+    if (waiting_) {
+        return MAV_RESULT_ACCEPTED; // said when it was asked for; now it was planned from where the robot stands
+    }
+    if (path.needed_scale > path.scale * 1.001f) {
+        texts_.refuse(MAV_SEVERITY_WARNING,
+                      Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
+    }
+    say_slowed(path);
+    return MAV_RESULT_ACCEPTED;
+}
+
+/// Whoever asked for the path learns that it takes longer, and which limit that comes from.
+void Trajectories::say_slowed(const omni_trajectory_t &path) {
+    if (path.scale <= 1.001f) {
+        return;
+    }
+    Text text;
+    text.add("path slowed to ").add(static_cast<uint32_t>(100.0f / path.scale)).add(" %: ");
+    if (path.by_voltage) {
+        text.add("motor voltage");
+    } else {
+        text.add("LIM_WHEEL ").add(path.config.wheel_limit_rad_s).add(" rad/s");
+    }
+    texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
+}
+
+OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
+    type_ = type;
+    laps_ = laps;
+    period_s_ = period_s;
+    waiting_ = false;
+    const uint8_t result = plan();
+    if (result != MAV_RESULT_ACCEPTED) {
+        return result;
+    }
+    asker_ = sender;
+    waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
+    if (!waiting_) {
+        control_.plans.publish();
+    }
+    return result;
+}
+
+uint8_t Trajectories::stop() {
+    waiting_ = false;
+    control_.plans.withdraw();
+    control_.hold();
+    return MAV_RESULT_ACCEPTED;
+}
+
+OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
+    const float expected = static_cast<float>(waypoints_.count);
+    if (!omni_pose_is_finite(&pose)) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
+        return MAV_RESULT_DENIED;
+    }
+    const float limit = parameters_.config().limits.position_m;
+    if (omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: beyond LIM_POS"));
+        return MAV_RESULT_DENIED;
+    }
+    if (number == 0.0f) {
+        waypoints_.count = 0;
+    } else if (number == expected - 1.0f) {
+        waypoints_.count--; // sent again, since its acknowledgement got lost on a radio
+    } else if (!(number == expected && number < static_cast<float>(OMNI_MAX_WAYPOINTS))) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
+        return MAV_RESULT_DENIED;
+    }
+    waypoints_.pose[waypoints_.count++] = pose;
+    return MAV_RESULT_ACCEPTED;
+}
+
+void Trajectories::on_arm(const Sender &sender) {
+    const bool own = asker_ == sender;
+    if (waiting_ && !own) {
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("path not started: another station armed"));
+    }
+    if (waiting_ && own && plan() == MAV_RESULT_ACCEPTED) {
+        control_.plans.publish();
+    }
+    waiting_ = false;
+}
+
+} // namespace omni

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: MIT
+/// @file trajectories.h  On-board trajectories by command: plans in the background, hands the plan to the tick.
+#pragma once
+
+#include "app/services/parameters.h"
+#include "app/services/robot_state.h"
+
+namespace omni {
+
+class Trajectories {
+public:
+    Trajectories(Texts &texts, const RobotState &robot, ControlLoop &control, const Parameters &parameters)
+        : texts_(texts), robot_(robot), control_(control), parameters_(parameters) {}
+
+    /// MAV_CMD_OMNI_TRAJECTORY_START. @param type TRJ_TYPE or -1, @param laps or -1, @param period_s or 0: the
+    /// parameter's. @param sender that asks. @return MAV_RESULT
+    uint8_t start(float type, float laps, float period_s, const Sender &sender);
+    uint8_t stop();
+    /// MAV_CMD_OMNI_WAYPOINT
+    uint8_t set_waypoint(float number, const omni_pose_t &pose);
+    /// Arming: a path that the same station asked for while disarmed is planned anew from where the robot stands now,
+    /// and starts. That of another station is forgotten.
+    void on_arm(const Sender &sender);
+    void on_disarm() { waiting_ = false; }
+    void restart() { waiting_ = false; }
+
+private:
+    uint8_t plan();
+    bool accepts(int32_t parameter, float value, const char *name);
+    void say_slowed(const omni_trajectory_t &path);
+
+    Texts &texts_;
+    const RobotState &robot_;
+    ControlLoop &control_;
+    const Parameters &parameters_;
+    omni_waypoints_t waypoints_{};
+    float type_ = -1.0f;
+    float laps_ = -1.0f;
+    float period_s_ = 0.0f;
+    Sender asker_;
+    bool waiting_ = false; ///< starts with arming
+};
+
+} // namespace omni

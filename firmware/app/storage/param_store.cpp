@@ -1,0 +1,144 @@
+// SPDX-License-Identifier: MIT
+#include "app/storage/param_store.h"
+
+#include <algorithm>
+#include <cstring>
+#include <iterator>
+
+#include "app/base/cold.h"
+#include "app/base/crc32.h"
+#include "app/base/words.h"
+#include "app/storage/storage_layout.h"
+
+namespace omni {
+namespace {
+
+constexpr uint32_t magic = 0x33504D4F;          // "OMP3"
+constexpr uint32_t magic_by_index = 0x32504D4F; // "OMP2": entries hold an index instead of a storage key
+constexpr size_t at_schema = 4;
+constexpr size_t at_sequence = 8;
+constexpr size_t at_count = 12;
+constexpr size_t header_length = 16;
+constexpr size_t entry_length = 6;
+constexpr size_t crc_length = 4;
+
+/// Tables of the firmwares that stored by index, and how many parameters each had. Their order is that of today's
+/// table.
+struct OldTable {
+    uint32_t schema;
+    int32_t count;
+};
+constexpr OldTable old_tables[] = {{0x51cf0baf, 135}, {0x6357fbe0, 135}, {0xa2825f89, 133}, {0xaaeabbe3, 133}};
+
+int32_t parameter_of_key(uint16_t key) {
+    for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
+        if (omni_param_table[i].storage_key == key) {
+            return i;
+        }
+    }
+    return -1;
+}
+
+/// @return how many indices of the old table with this CRC are today's, 0 if it is not known.
+int32_t indices_of(uint32_t schema) {
+    const auto *found = std::find_if(std::begin(old_tables), std::end(old_tables),
+                                     [schema](const OldTable &table) { return table.schema == schema; });
+    return found == std::end(old_tables) ? 0 : found->count;
+}
+
+} // namespace
+
+size_t ParamStore::slot_size() const {
+    const size_t size = storage_.size();
+    return size > storage_tail ? std::min((size - storage_tail) / 2, max_slot) : 0;
+}
+
+bool ParamStore::has_room() const {
+    return slot_size() >= header_length + crc_length;
+}
+
+OMNI_COLD Slot ParamStore::judge() const {
+    Slot slot;
+    if (!has_room()) {
+        return slot;
+    }
+    slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
+    const size_t count = get_word(buffer_ + at_count);
+    const uint32_t kind = get_word(buffer_);
+    if ((kind != magic && kind != magic_by_index) ||
+        count > (slot_size() - header_length - crc_length) / entry_length) {
+        return slot;
+    }
+    const size_t length = header_length + count * entry_length;
+    slot.valid = get_word(buffer_ + length) == crc32(buffer_, length);
+    slot.sequence = get_word(buffer_ + at_sequence);
+    return slot;
+}
+
+OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
+    misfits_ = {};
+    if (!read_newest()) {
+        return StoreResult::empty;
+    }
+    const bool by_index = get_word(buffer_) == magic_by_index;
+    const int32_t indices = by_index ? indices_of(get_word(buffer_ + at_schema)) : 0;
+    if (by_index && indices == 0) {
+        return StoreResult::foreign;
+    }
+    const size_t count = get_word(buffer_ + at_count);
+    for (size_t i = 0; i < count; ++i) {
+        const uint8_t *entry = buffer_ + header_length + i * entry_length;
+        const auto key = static_cast<uint16_t>(entry[0] | entry[1] << 8);
+        const int32_t index = by_index ? (key < indices ? key : -1) : parameter_of_key(key);
+        omni_real_t value = 0.0f;
+        std::memcpy(&value, entry + 2, sizeof value);
+        if (omni_param_check(index, value, false) == OMNI_OK) {
+            values[index] = value;
+        } else {
+            misfits_.add(index, value);
+        }
+    }
+    return StoreResult::ok;
+}
+
+/// @return length of the slot's content in buffer_, 0 if it does not fit.
+size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_values, uint32_t sequence) {
+    const size_t room = slot_size() - crc_length;
+    size_t length = header_length;
+    uint32_t count = 0;
+    for (size_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
+        if (values[i] == robot_values[i]) {
+            continue;
+        }
+        if (length + entry_length > room) {
+            return 0;
+        }
+        const uint16_t key = omni_param_table[i].storage_key;
+        buffer_[length] = static_cast<uint8_t>(key);
+        buffer_[length + 1] = static_cast<uint8_t>(key >> 8);
+        std::memcpy(buffer_ + length + 2, &values[i], sizeof values[i]);
+        length += entry_length;
+        ++count;
+    }
+    put_word(buffer_, magic);
+    put_word(buffer_ + at_schema, omni_param_schema_crc);
+    put_word(buffer_ + at_sequence, sequence);
+    put_word(buffer_ + at_count, count);
+    put_word(buffer_ + length, crc32(buffer_, length));
+    return length + crc_length;
+}
+
+OMNI_COLD StoreResult ParamStore::save(const omni_real_t *values, const omni_real_t *robot_values) {
+    if (!has_room()) {
+        return StoreResult::failed;
+    }
+    bool fits = true;
+    const bool written = write_next([&](uint32_t sequence) {
+        const size_t length = compose(values, robot_values, sequence);
+        fits = length > 0;
+        return length;
+    });
+    return !fits ? StoreResult::full : (written ? StoreResult::ok : StoreResult::failed);
+}
+
+} // namespace omni

@@ -1,0 +1,405 @@
+// SPDX-License-Identifier: MIT
+#include "app/tick/control_loop.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+namespace omni {
+namespace {
+
+/// A megavolt for a tick: no supply that is measured has it, but a host may tell one. It is not counted.
+constexpr float most_volt_us = 1e9f;
+
+} // namespace
+
+void ControlLoop::hold() {
+    void_before_.store(++order_, std::memory_order_relaxed);
+    stop(OMNI_EVENT_TRAJECTORY_STOP);
+}
+
+void ControlLoop::test_pin(const PinTest &test) {
+    pin_test_wanted_.store(test.ticks * 2 + (test.release ? 1 : 0), std::memory_order_relaxed);
+    tell(news_pin_test);
+}
+
+void ControlLoop::set_setpoint(const omni_setpoint_t &setpoint) {
+    setpoints_.writing() = {setpoint, order_};
+    setpoints_.publish();
+    tell(news_setpoint);
+}
+
+void ControlLoop::set_heartbeat(uint64_t time_us) {
+    heartbeats_.writing() = time_us;
+    heartbeats_.publish();
+    tell(news_heartbeat);
+}
+
+void ControlLoop::excite(const omni_excitation_t &excitation) {
+    excitations_.writing() = excitation;
+    excitations_.publish();
+    tell(news_excitation);
+}
+
+bool ControlLoop::request(Request request) {
+    request.order = ++order_;
+    const bool done = requests_.push(request);
+    tell(news_request);
+    return done;
+}
+
+bool ControlLoop::offer_fix(const omni_pose_fix_t &fix) {
+    const bool done = fixes_.push(fix);
+    tell(news_fix);
+    return done;
+}
+
+bool ControlLoop::request_event(uint32_t events) {
+    Request wanted;
+    wanted.event = events;
+    return request(wanted);
+}
+
+void ControlLoop::restart() {
+    bool released = false;
+    for (const Request *request = requests_.front(); request != nullptr; request = requests_.front()) {
+        released = released || (request->event & OMNI_EVENT_ESTOP_CLEAR) != 0;
+        requests_.drop();
+    }
+    while (fixes_.front() != nullptr) {
+        fixes_.drop();
+    }
+    fixes_seen_ = 0;
+    looked_at_fix_ = false;
+    fix_report.writing() = {};
+    fix_report.publish();
+    flags_.fetch_and(OMNI_EVENT_ESTOP);
+    if (robot_.supervisor.state == OMNI_STATE_ESTOP && !released) {
+        stop(OMNI_EVENT_ESTOP);
+    }
+    plans.withdraw();
+    burst.restart();
+    if (const RobotSetup *latest = setups.take()) {
+        setup_ = latest;
+    }
+    inputs_ = {};
+    outputs_ = &report.writing().outputs;
+    *outputs_ = {};
+    driver_ = &drivers_.of(setup_->wiring.driver);
+    driver_->restart();
+    driver_->set_wiring(setup_->wiring);
+    driver_was_ready_ = false;
+    scan_.restart();
+    silencing_ = 0;
+    pin_test_ = {};
+    powered_ = false;
+    ticks_ = 0;
+    omni_robot_init(&robot_, &setup_->config);
+}
+
+/// Set-points that came before are no longer valid, the one in force included.
+void ControlLoop::forget_setpoints(uint32_t before) {
+    inputs_.setpoint.kind = OMNI_SETPOINT_NONE;
+    oldest_valid_ = before;
+}
+
+void ControlLoop::apply(const Request &request) {
+    switch (request.kind) {
+    case Request::Kind::event:
+        if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_->state != OMNI_STATE_ARMED) {
+            forget_setpoints(request.order); // what moved the robot before its last disarm does not start again
+        }
+        inputs_.events |= request.event;
+        break;
+    case Request::Kind::set_pose:
+        inputs_.pose = request.pose;
+        inputs_.events |= OMNI_EVENT_SET_POSE;
+        break;
+    case Request::Kind::i2c_scan:
+        begin_scan();
+        break;
+    }
+}
+
+void ControlLoop::take_requests() {
+    for (const Request *request = requests_.front(); request != nullptr; request = requests_.front()) {
+        apply(*request);
+        requests_.drop();
+    }
+}
+
+void ControlLoop::take_news(uint32_t flags) {
+    if ((flags & news_heartbeat) != 0 && heartbeats_.update()) {
+        inputs_.heartbeat_us = heartbeats_.reading();
+    }
+    if ((flags & news_setpoint) != 0 && setpoints_.update() &&
+        static_cast<int32_t>(setpoints_.reading().order - oldest_valid_) >= 0) {
+        inputs_.setpoint = setpoints_.reading().setpoint;
+    }
+    if ((flags & news_pin_test) != 0) {
+        begin_pin_test(pin_test_wanted_.load(std::memory_order_relaxed));
+    }
+    if ((flags & news_excitation) != 0 && excitations_.update()) {
+        take_excitation();
+    }
+}
+
+void ControlLoop::take_excitation() {
+    const uint8_t wheels = setup_->config.kinematics.wheels;
+    if (omni_excitation_start(&robot_.exciter, &excitations_.reading(), wheels) == OMNI_OK) {
+        burst.trigger();
+    }
+}
+
+/// One per tick; the next one waits. In the tick after it, which looks here once more, it is told what became of it.
+void ControlLoop::take_fix() {
+    if (looked_at_fix_) {
+        report_fix();
+    }
+    const omni_pose_fix_t *fix = fixes_.front();
+    inputs_.has_fix = fix != nullptr;
+    looked_at_fix_ = inputs_.has_fix;
+    if (fix != nullptr) {
+        inputs_.fix = *fix;
+        fixes_.drop();
+        tell(news_fix);
+        const omni_pose_ekf_state_t &ekf = robot_.estimator.pose_ekf;
+        accepted_before_ = ekf.accepted;
+        refused_before_ = ekf.refused;
+        nis_before_ = ekf.nis;
+    }
+}
+
+/// Of the tick before. The filter has a new innovation of every fix that it could compare with its estimate.
+void ControlLoop::report_fix() {
+    FixReport &out = fix_report.writing();
+    out.pose = inputs_.fix.pose;
+    out.number = ++fixes_seen_;
+    out.age_s = static_cast<float>(static_cast<int32_t>(outputs_->time_us - inputs_.fix.time_us)) * 1e-6f;
+    if (outputs_->fixes_accepted != accepted_before_) {
+        out.use = FixUse::used;
+    } else if (outputs_->fixes_refused == refused_before_) {
+        out.use = FixUse::ignored;
+    } else {
+        out.use = outputs_->nis != nis_before_ ? FixUse::too_far : FixUse::unusable;
+    }
+    fix_report.publish();
+}
+
+/// @param flags the stops among them are in the tick's events before anything else is looked at. A request that came
+/// before a stop is then sure to be in the same tick, where the stop wins.
+void ControlLoop::take_flags(uint32_t flags) {
+    constexpr uint32_t unordered = news_heartbeat | news_setpoint | news_pin_test | news_excitation;
+    constexpr uint32_t news = unordered | news_request | news_fix;
+    inputs_.events = flags & ~news;
+    if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
+        omni_leave_plan(&inputs_);
+        oldest_valid_ = void_before_.load(std::memory_order_relaxed);
+    }
+    if ((flags & news_request) != 0) {
+        take_requests();
+    }
+    if ((flags & unordered) != 0) {
+        take_news(flags);
+    }
+    if ((flags & news_fix) != 0) {
+        take_fix();
+    }
+}
+
+void ControlLoop::take_what_waits() {
+    inputs_.events = 0;
+    inputs_.has_fix = false;
+    if (flags_.load(std::memory_order_relaxed) != 0) {
+        take_flags(flags_.exchange(0, std::memory_order_acq_rel));
+    }
+}
+
+void ControlLoop::take_plan() {
+    if (const omni_trajectory_t *plan = plans.take()) {
+        omni_follow_plan(&inputs_, plan);
+        inputs_.setpoint.time_us = inputs_.time_us;
+    }
+}
+
+/// The driver sets its chip up anew afterwards, and until then nobody arms.
+void ControlLoop::begin_scan() {
+    if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
+        driver_was_ready_ = false;
+        silencing_ = silence_attempts;
+        scan_.start();
+    }
+}
+
+/// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes
+/// nothing.
+void ControlLoop::begin_pin_test(uint32_t wanted) {
+    if (pin_test_.ticks != 0 || !outputs_->drive) {
+        return;
+    }
+    bool small = outputs_->setpoint_kind == OMNI_SETPOINT_DUTY;
+    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
+        small = small && std::abs(outputs_->duty[i]) <= PinTest::max_duty;
+    }
+    if (small) {
+        pin_test_.ticks = wanted / 2;
+        pin_test_.release = wanted % 2 != 0;
+    } else {
+        inputs_.events |=
+            OMNI_EVENT_DISARM; // the duties have grown since it was accepted: it ends as it would have ended
+    }
+}
+
+/// The core is told what is true, no duty: it sees no stalled wheel and counts no volts. Silence of the host still
+/// stops it.
+void ControlLoop::prepare_pin_test() {
+    if (pin_test_.ticks == 0) {
+        return;
+    }
+    std::fill(inputs_.setpoint.duty, inputs_.setpoint.duty + OMNI_MAX_WHEELS, 0.0f);
+    --pin_test_.ticks;
+    if (pin_test_.ticks == 0 || inputs_.setpoint.kind != OMNI_SETPOINT_DUTY) {
+        pin_test_.ticks = 0;
+        inputs_.events |= OMNI_EVENT_DISARM;
+    }
+}
+
+/// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same
+/// tick.
+bool ControlLoop::test_pin(OutputEnable &pin) {
+    if (pin_test_.ticks == 0 || !outputs_->drive) {
+        pin_test_.ticks = 0;
+        return false;
+    }
+    powered_ = false;
+    if (pin_test_.release) {
+        pin.release();
+    } else {
+        pin.set(false);
+    }
+    return true;
+}
+
+/// Another driver begins with its hardware as it finds it; the one before leaves its own switched off.
+void ControlLoop::use_wiring(MotorWires &wires) {
+    MotorDriver &wanted = drivers_.of(setup_->wiring.driver);
+    if (&wanted != driver_) {
+        driver_->all_off(wires);
+        driver_ = &wanted;
+        driver_->restart();
+        driver_was_ready_ = false;
+    }
+    driver_->set_wiring(setup_->wiring);
+}
+
+void ControlLoop::scan(MotorWires &wires) {
+    powered_ = false;
+    wires.enable.set(false);
+    if (silencing_ > 0) {
+        // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the
+        // bus.
+        silencing_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
+        return;
+    }
+    scan_.step(wires.bus);
+    if (!scan_.running()) {
+        driver_->restart();
+    }
+}
+
+bool ControlLoop::release(MotorWires &wires) {
+    powered_ = false;
+    wires.enable.set(false);
+    return driver_->all_off(wires);
+}
+
+/// Bridges by the bus and, independent of it, by the pin.
+void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
+    driver_->drive(wires, now_us, outputs_->duty, outputs_->drive);
+    driver_was_ready_ = driver_was_ready_ || driver_->ready();
+    powered_ = driver_->ready() && omni_motor_power(outputs_->drive, powered_, driver_->failures());
+    wires.enable.set(powered_);
+}
+
+void ControlLoop::measure(uint64_t duration_ns) {
+    last_tick_ns_ = static_cast<uint32_t>(duration_ns);
+    window_sum_ns_ += duration_ns;
+    window_max_ns_ = std::max(window_max_ns_, duration_ns);
+    if (++window_count_ == window_ticks) {
+        tick_us_mean_ = static_cast<float>(window_sum_ns_) * 1e-3f / static_cast<float>(window_ticks);
+        tick_us_max_ = static_cast<float>(window_max_ns_) * 1e-3f;
+        window_count_ = 0;
+        window_sum_ns_ = 0;
+        window_max_ns_ = 0;
+    }
+}
+
+/// The voltage of this tick acts until the next one.
+void ControlLoop::integrate_voltage() {
+    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
+        const float volt_us = outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US);
+        if (std::abs(volt_us) <= most_volt_us) {
+            volt_us_[i] += static_cast<uint32_t>(std::lround(volt_us));
+        }
+    }
+}
+
+void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
+    TickReport &out = report.writing();
+    out.arming_faults = omni_robot_arming_faults(&robot_);
+    out.ticks = ticks_;
+    out.overruns = sensors.overruns;
+    out.i2c_errors = driver_->errors();
+    // Asked only once the updates have failed for good: most ticks need not look at the driver.
+    out.read_back_missing = inputs_.driver_failures == UINT16_MAX && driver_->read_back_missing();
+    out.battery_V = sensors.battery_V;
+    out.tick_us_mean = tick_us_mean_;
+    out.tick_us_max = tick_us_max_;
+    out.tick_jitter_us_max = sensors.jitter_us;
+    out.fix_us = robot_.estimator.pose_ekf.last_fix_us;
+    out.noise_factor = robot_.estimator.pose_ekf.noise_factor;
+    out.fix_factor = robot_.estimator.pose_ekf.fix_factor;
+    std::memcpy(out.counts, sensors.counts, sizeof out.counts);
+    std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
+    std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);
+    out.i2c = bus.stats();
+    out.i2c_found = scan_.found();
+    if (burst.recording()) {
+        out.last_tick_ns = last_tick_ns_;
+        burst.sample(out);
+    }
+    report.publish();
+}
+
+void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &stopwatch) {
+    const uint64_t begin_ns = stopwatch.stopwatch_ns();
+    inputs_.time_us = sensors.time_us;
+    if (const RobotSetup *latest = setups.take()) {
+        setup_ = latest;
+        omni_robot_set_config(&robot_, &setup_->config);
+        use_wiring(wires);
+    }
+    take_what_waits();
+    take_plan();
+    prepare_pin_test();
+    sensors.to_inputs(&inputs_);
+    if (!scan_.running()) {
+        driver_->poll(wires);
+    }
+    inputs_.driver_failures = driver_->failures();
+    // Until the chip has been set up for the first time nothing could stop a motor: no arming.
+    inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
+    outputs_ = &report.writing().outputs;
+    omni_robot_tick(&robot_, &inputs_, outputs_);
+    if (scan_.running()) {
+        scan(wires);
+    } else if (!test_pin(wires.enable)) {
+        drive(wires, sensors.time_us);
+    }
+    ++ticks_;
+    publish(sensors, wires.bus);
+    integrate_voltage();
+    measure(stopwatch.stopwatch_ns() - begin_ns);
+}
+
+} // namespace omni

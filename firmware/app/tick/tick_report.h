@@ -1,0 +1,52 @@
+// SPDX-License-Identifier: MIT
+/// @file tick_report.h  What the background gets to know of a tick.
+#pragma once
+
+#include <cstdint>
+
+#include "app/base/board.h"
+#include "app/base/core.h"
+#include "app/tick/i2c_scan.h"
+
+namespace omni {
+
+/// What became of a pose fix. OMNI_FIX_RESULT has these numbers.
+enum class FixUse : uint8_t {
+    none,     ///< no fix yet
+    used,     ///< the estimate has taken it in
+    too_far,  ///< refused: it contradicts the estimate (EKF_GATE)
+    unusable, ///< refused: too old, out of order, ahead of the robot's clock, or no number
+    ignored   ///< the robot takes no fixes: EKF_MODE is odometry
+};
+
+/// A pose fix that a tick has looked at.
+struct FixReport {
+    omni_pose_t pose{};
+    uint32_t number = 0; ///< which one it is, counted from 1; 0: none yet
+    float age_s = 0.0f;  ///< how old it was then; negative: ahead of the robot's clock
+    FixUse use = FixUse::none;
+};
+
+struct TickReport {
+    omni_outputs_t outputs{};
+    uint32_t arming_faults = OMNI_FAULT_CONFIG; ///< 0: arming is possible
+    uint32_t ticks = 0;
+    uint32_t overruns = 0;
+    uint32_t i2c_errors = 0;
+    float battery_V = 0.0f;    ///< as measured
+    float tick_us_mean = 0.0f; ///< of the last complete window of ticks
+    float tick_us_max = 0.0f;
+    float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
+    uint32_t last_tick_ns = 0;       ///< how long the tick before took; only while a burst is recorded
+    uint64_t fix_us = 0;             ///< when the last pose fix that was used came; 0: none since the pose was set
+    float noise_factor = 1.0f;       ///< lambda of the pose filter, omni/pose_ekf.h
+    float fix_factor = 1.0f;         ///< rho
+    int32_t counts[OMNI_MAX_WHEELS] = {};
+    uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
+    uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
+    I2cStats i2c;
+    I2cFound i2c_found;
+    bool read_back_missing = false; ///< MotorDriver::read_back_missing()
+};
+
+} // namespace omni
