@@ -23,9 +23,9 @@ PEERS = ROOT / "bench" / "peers"
 FLAGS = ("-O3", "-ffp-contract=off", "-fno-math-errno", "-Wall", "-Wextra", "-Wconversion", "-Werror")
 EIGEN = Path("/usr/include/eigen3")
 CORE_PARTS = (
-    *("control/original_law", "control/saturation", "kinematics/kinematics", "math/math"),
+    *("control/original_law", "actuate/saturation", "model/kinematics", "math/math"),
     *(
-        f"estimation/{part}"
+        f"estimate/{part}"
         for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_flow", "pose_ekf_history", "pose_ekf_turn")
     ),
 )

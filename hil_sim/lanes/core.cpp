@@ -15,7 +15,7 @@ namespace {
 namespace core {
 
 #define omni_trajectory_evaluate evaluate_together
-#include "trajectory/trajectory.c"
+#include "reference/trajectory.c"
 #undef omni_trajectory_evaluate
 
 #include "lanes_sources_gen.h"

@@ -17,8 +17,8 @@ namespace { // NOLINT(cert-dcl59-cpp): each file and CPU level has its own
 namespace core {
 
 #include "control/pid_inline.h"
-#include "kinematics/kinematics_inline.h"
 #include "math/math_inline.h"
+#include "model/kinematics_inline.h"
 
 /* The sources ask for the callable forms of what is inline already. */
 #undef OMNI_INLINE
@@ -26,14 +26,14 @@ namespace core {
 #undef OMNI_PID_INLINE
 
 #include "control/ismc.c"
-#include "estimation/motor_kf.c"
-#include "estimation/pose_ekf.c"
-#include "estimation/pose_ekf_correct.c"
-#include "estimation/pose_ekf_flow.c"
-#include "estimation/pose_ekf_history.c"
-#include "estimation/pose_ekf_turn.c"
-#include "kinematics/kinematics.c"
+#include "estimate/motor_kf.c"
+#include "estimate/pose_ekf.c"
+#include "estimate/pose_ekf_correct.c"
+#include "estimate/pose_ekf_flow.c"
+#include "estimate/pose_ekf_history.c"
+#include "estimate/pose_ekf_turn.c"
 #include "math/math.c"
+#include "model/kinematics.c"
 
 } // namespace core
 } // namespace

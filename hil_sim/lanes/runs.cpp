@@ -21,8 +21,8 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 #include "math/math_inline.h"
 #undef OMNI_INLINE
 
-#include "motor/bridge.c"
-#include "robot/loop.c"
+#include "actuate/bridge.c"
+#include "tick/loop.c"
 
 #include "backlash.c"
 #include "bridge_limits.c"

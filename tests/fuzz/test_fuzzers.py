@@ -126,7 +126,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     ),
     "motors driven while disarmed": (
         "app",
-        "shared/core/src/robot/robot.c",
+        "shared/core/src/tick/tick.c",
         "finite && supervisor->state == OMNI_STATE_ARMED;",
         "finite;",
         signal.SIGILL,  # an invariant of the core

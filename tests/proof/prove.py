@@ -59,10 +59,10 @@ def read_proofs() -> list[Proof]:
 
 @dataclass(frozen=True)
 class Unreached:
-    """Functions that no proof may reach: these, and all in these folders of ``shared/core/src``."""
+    """Functions that no proof may reach: these, and all in these files of ``shared/core/src``."""
 
     names: tuple[str, ...]
-    folders: tuple[str, ...]
+    files: tuple[str, ...]
     why: str
 
 
@@ -71,7 +71,7 @@ def read_not_proved() -> tuple[dict[Place, str], list[Unreached]]:
     document = read_toml(NOT_PROVED)
     places = {Place(row["function"], row["kind"], row["text"]): row["why"] for row in document.get("place", [])}
     rows = document.get("functions", [])
-    return places, [Unreached(tuple(row["names"]), tuple(row["folders"]), row["why"]) for row in rows]
+    return places, [Unreached(tuple(row["names"]), tuple(row["files"]), row["why"]) for row in rows]
 
 
 def differences(results: Sequence[Result], listed: Mapping[Place, str], all_ran: bool) -> list[str]:
@@ -89,11 +89,11 @@ def unreached(results: Sequence[Result], listed: Sequence[Unreached]) -> list[st
     """Return a sentence for every function of the core that no proof reaches, or that is listed though one does."""
     missed = _functions() - {name for result in results for name in result.reached}
     names = {name for row in listed for name in row.names}
-    folders = {folder: _functions(folder) for row in listed for folder in row.folders}
-    sentences = [f"no proof reaches {name}" for name in sorted(missed - names.union(*folders.values()))]
+    files = {pattern: _functions(pattern) for row in listed for pattern in row.files}
+    sentences = [f"no proof reaches {name}" for name in sorted(missed - names.union(*files.values()))]
     sentences += [f"not_proved.toml says that no proof reaches {name}" for name in sorted(names - missed)]
-    in_vain = sorted(folder for folder, functions in folders.items() if not functions & missed)
-    return sentences + [f"not_proved.toml lists {folder}, all of which is proved by now" for folder in in_vain]
+    in_vain = sorted(pattern for pattern, functions in files.items() if not functions & missed)
+    return sentences + [f"not_proved.toml lists {pattern}, all of which is proved by now" for pattern in in_vain]
 
 
 def kept_name(proof: Proof) -> str:
@@ -106,8 +106,8 @@ def to_make(chosen: Sequence[Proof], prints: Mapping[str, str]) -> list[Proof]:
     return [proof for proof in chosen if not kept.has_passed(kept_name(proof), prints[proof.name])]
 
 
-def _functions(folder: str = ".") -> set[str]:
-    return core_functions(sorted((ROOT / "shared" / "core" / "src" / folder).rglob("*.[ch]")))
+def _functions(pattern: str = "*/*.[ch]") -> set[str]:
+    return core_functions(sorted((ROOT / "shared" / "core" / "src").glob(pattern)))
 
 
 def page_blocks(
@@ -121,7 +121,7 @@ def page_blocks(
         f"| `{place.function}` | {place.kind}: `{_cell(place.text)}` | {why} |" for place, why in sorted(places.items())
     ]
     for row in functions:
-        what = [f"all in `shared/core/src/{folder}`" for folder in row.folders] + [f"`{name}`" for name in row.names]
+        what = [f"all in `shared/core/src/{pattern}`" for pattern in row.files] + [f"`{name}`" for name in row.names]
         rest.append(f"| {', '.join(what)} | reached by no proof | {row.why} |")
     return {"proofs": proved, "not-proved": rest}
 

@@ -42,19 +42,19 @@ PROOF = Proof("bridge", "it holds", "nothing")
 MUTANTS = {
     "a duty that is not limited": (
         "bridge",
-        "motor/bridge.c",
+        "actuate/bridge.c",
         "omni_clampf(omni_absf(duty), 0.0f, 1.0f)",
         "omni_absf(duty)",
     ),
     "a stop that passes": (
         "safety",
-        "safety/safety.c",
+        "supervise/safety.c",
         "OMNI_STATE_ESTOP, OMNI_STATE_FAILSAFE},",
         "OMNI_STATE_FAILSAFE, OMNI_STATE_FAILSAFE},",
     ),
     "voltages that may be NaN": (
         "wheel_speed",
-        "control/saturation.c",
+        "actuate/saturation.c",
         "!(limit > 0.0f) || !omni_all_finite(values, count)",
         "!(limit > 0.0f)",
     ),
@@ -66,14 +66,14 @@ MUTANTS = {
     ),
     "duties of the tick that are not limited": (
         "tick_three",
-        "robot/robot.c",
+        "tick/tick.c",
         "omni_clampf(actuation->duty[i], -1.0f, 1.0f)",
         "actuation->duty[i]",
     ),
-    "parameters that may be NaN": ("config", "robot/params.c", "if (!omni_is_finite(value)) {", "if (false) {"),
+    "parameters that may be NaN": ("config", "config/params.c", "if (!omni_is_finite(value)) {", "if (false) {"),
     "parameters beyond their range": (
         "config",
-        "robot/params.c",
+        "config/params.c",
         "value < info->minimum || value > info->maximum",
         "false",
     ),
@@ -150,10 +150,10 @@ def test_a_function_that_no_proof_reaches_must_be_listed() -> None:
     results = [Result(PROOF, reached=functions - {"seal_actuation"})]
     assert unreached(results, []) == ["no proof reaches seal_actuation"]
     assert unreached(results, [Unreached(("seal_actuation",), (), "why")]) == []
-    assert unreached(results, [Unreached((), ("robot",), "why")]) == []
-    assert unreached(results, [Unreached((), ("motor",), "why")]) != []
+    assert unreached(results, [Unreached((), ("tick/*.c",), "why")]) == []
+    assert unreached(results, [Unreached((), ("model/*.c",), "why")]) != []
     proved = [Result(PROOF, reached=functions)]
-    assert len(unreached(proved, [Unreached(("seal_actuation",), ("motor",), "why")])) == 2
+    assert len(unreached(proved, [Unreached(("seal_actuation",), ("model/*.c",), "why")])) == 2
 
 
 def test_a_proof_is_made_again_if_and_only_if_something_it_depends_on_has_changed(
@@ -169,14 +169,14 @@ def test_a_proof_is_made_again_if_and_only_if_something_it_depends_on_has_change
 
     assert not made(PROOF)
     assert made(dataclasses.replace(PROOF, options=("-eva-precision 3",)))
-    for path in (core / "src" / "robot" / "robot.c", core / "include" / "omni" / "robot.h"):
+    for path in (core / "src" / "tick" / "tick.c", core / "include" / "omni" / "robot.h"):
         text = path.read_text(encoding="utf-8")
         path.write_text(text.replace("\n", "\n\n/* Another comment. */\n", 1), encoding="utf-8")
         assert not made(PROOF)
         path.write_text(f"{text}\nextern int another;\n", encoding="utf-8")
         assert made(PROOF)
         path.write_text(text, encoding="utf-8")
-    (core / "src" / "robot" / "more.c").write_text("int more;\n", encoding="utf-8")
+    (core / "src" / "tick" / "more.c").write_text("int more;\n", encoding="utf-8")
     assert made(PROOF)
 
 

@@ -16,6 +16,6 @@ def check(copy: Scratch) -> None:
     subprocess.run(program, check=True, timeout=120)
     assert '"MOT_K_SCALE"' in (out / "src" / "params_gen.c").read_text(encoding="utf-8")
     includes = [f"-I{copy.root / 'shared/core/include'}", f"-I{out / 'include'}"]
-    source = str(copy.root / "shared/core/src/robot/robot_config.c")
+    source = str(copy.root / "shared/core/src/config/robot_config.c")
     words = ["gcc", "-std=c99", "-fsyntax-only", "-Wall", "-Wextra", "-Werror", *includes, source]
     subprocess.run(words, check=True, timeout=120)

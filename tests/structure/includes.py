@@ -19,18 +19,21 @@ ROOT = Path(__file__).resolve().parents[2]
 SUFFIXES = (".c", ".h", ".cpp", ".hpp", ".ino")
 CORE, CORE_API = "shared/core/src", "shared/core/include"
 
+TICK = "tick"
 ROOMS: Mapping[str, tuple[str, ...]] = {
     "math": (),
-    "kinematics": ("math",),
-    "motor": ("math",),
-    "estimation": ("math", "kinematics", "motor"),
-    "trajectory": ("math", "kinematics", "motor"),
-    "safety": (),
-    "control": ("math", "kinematics", "motor", "trajectory"),
-    "robot": ("math", "kinematics", "motor", "estimation", "trajectory", "safety", "control"),
-    "controllers": ("math", "kinematics", "motor", "trajectory", "control", "robot"),
+    "model": ("math",),
+    "estimate": ("math", "model"),
+    "supervise": (),
+    "reference": ("math", "model"),
+    "actuate": ("math", "model"),
+    "control": ("math", "model", "reference", "actuate"),
+    TICK: ("math", "model", "estimate", "supervise", "reference", "actuate", "control"),
 }
 """The core's rooms, and what each may use. A public header belongs to the room that has the source of its name."""
+
+STAGE = re.compile(r"(?:tick|config)/.*|\w+/(?:robot_\w+|controllers|laws\w*)\.[ch]|robot\.h")
+"""Stages of the tick and their configuration: they stand in the rooms of their subject, and see what the tick sees."""
 
 BASE = ("numbers.h", "types.h", "params_gen.h")
 """Public headers of the core that every room may use."""
@@ -167,13 +170,17 @@ def area_of(file: str) -> str:
 def room_of(root: Path, file: str) -> str:
     """Return the room of one of the core's files; "" for the headers that belong to none."""
     if file.startswith(f"{CORE}/"):
-        parts = file.removeprefix(f"{CORE}/").split("/")
-        return parts[0] if len(parts) > 1 else "?"
+        place = file.removeprefix(f"{CORE}/")
+        if STAGE.fullmatch(place):
+            return TICK
+        return place.split("/")[0] if "/" in place else "?"
     name = Path(file).name
+    if STAGE.fullmatch(name):
+        return TICK
     if name in (*BASE, ALL_OF_IT):
         return ""
-    rooms = [room for room in ROOMS if (root / CORE / room / name).with_suffix(".c").is_file()]
-    return rooms[0] if rooms else "?"
+    sources = [path.relative_to(root).as_posix() for path in (root / CORE).glob(f"*/{Path(name).stem}.c")]
+    return room_of(root, sources[0]) if sources else "?"
 
 
 def wrong(root: Path, include: Include) -> str:

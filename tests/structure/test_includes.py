@@ -13,20 +13,20 @@ import pytest
 from tests.structure.circles import TOGETHER, Together, circle
 from tests.structure.includes import AREAS, CORE, ROOMS, ROOT, IncludeError, area_of, check, includes, sources
 
-MATH, ESTIMATION = "shared/core/src/math/math.c", "shared/core/src/estimation/motor_kf.c"
-ROBOT, APP = "shared/core/src/robot/robot.c", "firmware/app/app.cpp"
+MATH, ESTIMATION = "shared/core/src/math/math.c", "shared/core/src/estimate/motor_kf.c"
+ROBOT, APP = "shared/core/src/tick/tick.c", "firmware/app/app.cpp"
 PLANTED = {
     "the core the firmware": (MATH, "<app/base/board.h>", "shared/core may include nothing but"),
     "the core our messages": (ROBOT, '"omni/mavlink.h"', "shared/core may include nothing but"),
     "the core the system": (MATH, "<math.h>", "takes nothing from the system but stdbool.h"),
-    "a room one above it": (MATH, '"omni/kinematics.h"', "math may not use kinematics"),
+    "a room one above it": (MATH, '"omni/kinematics.h"', "math may not use model"),
     "a room another's inside": (
         ESTIMATION,
-        '"../trajectory/trajectory_internal.h"',
-        "estimation may not use trajectory",
+        '"../reference/trajectory_internal.h"',
+        "estimate may not use reference",
     ),
     "a room all of the core": (ROBOT, '"omni/omni.h"', "include what they use"),
-    "a public header one above it": ("shared/core/include/omni/pid.h", '"omni/robot.h"', "control may not use robot"),
+    "a public header one above it": ("shared/core/include/omni/pid.h", '"omni/robot.h"', "control may not use tick"),
     "the common types a room": ("shared/core/include/omni/types.h", '"omni/math.h"', "may not use math"),
     "a room of the app one above it": (
         "firmware/app/storage/param_store.h",
@@ -39,7 +39,7 @@ PLANTED = {
     "models of the chip the world": ("hil_sim/rt1062/gpio.c", '"../src/parts.h"', "rt1062 may include nothing but"),
     "the simulation the core's inside": (
         "hil_sim/src/run.c",
-        '"robot/robot_internal.h"',
+        '"tick/stages.h"',
         "src may include nothing but",
     ),
     "the world a controller": ("hil_sim/src/plant_linear.c", '"omni/kinematics.h"', "one of the controller's"),
@@ -92,7 +92,7 @@ CIRCLES = {
         '"app/link/codec.h"',
         "parts that include each other",
     ),
-    "rooms": ("shared/core/src/motor/motor.c", '"omni/trajectory.h"', "rooms that include each other"),
+    "rooms": ("shared/core/src/model/motor.c", '"omni/trajectory.h"', "rooms that include each other"),
     "areas": ("firmware/app/base/board.h", '"app/link/links.h"', "areas that include each other"),
 }
 
@@ -140,7 +140,7 @@ def test_a_source_of_the_core_stands_in_a_room(copy: Path, file: str) -> None:
 def test_rooms_go_down_only_and_are_the_folders_that_there_are() -> None:
     for number, (room, used) in enumerate(ROOMS.items()):
         assert set(used) <= set(list(ROOMS)[:number]), room
-    assert set(ROOMS) == {path.name for path in (ROOT / CORE).iterdir()}
+    assert {*ROOMS, "config"} == {path.name for path in (ROOT / CORE).iterdir()}
 
 
 def test_no_two_sources_of_the_core_have_one_name() -> None:
@@ -169,4 +169,4 @@ def test_the_page_of_the_design_has_the_rooms_of_the_check() -> None:
     for room, used in ROOMS.items():
         row = next(line for line in page.splitlines() if line.startswith(f"| `{room}` |"))
         listed = row.split("|")[3].strip()
-        assert listed == (", ".join(f"`{name}`" for name in used) if room != "robot" else "all of them"), room
+        assert listed == (", ".join(f"`{name}`" for name in used) if room != "tick" else "all of them"), room

@@ -3,9 +3,9 @@
 
 #include <string.h>
 
+#include "control/controllers.h"
 #include "control/pose_control.h"
-#include "kinematics/kinematics_inline.h"
-#include "robot/controllers.h"
+#include "model/kinematics_inline.h"
 
 #define LQR_Z_MAX 0.1f
 

@@ -40,7 +40,7 @@ def build(out: Path, flags: Sequence[str] = ()) -> ctypes.CDLL:
         *sorted(BOARD.glob("i2c*.cpp")),
         BOARD / "motor_stop.cpp",
         ROOT / "firmware/app/drivers/pca9685.cpp",
-        *(ROOT / "shared" / "core" / "src" / name for name in ("motor/bridge.c", "math/math.c", "robot/loop.c")),
+        *(ROOT / "shared" / "core" / "src" / name for name in ("actuate/bridge.c", "math/math.c", "tick/loop.c")),
         ROOT / "hil_sim" / "src" / "pca9685.c",
         *sorted((HERE / "fakes_io").glob("*.cpp")),
         HERE / "io_shim.cpp",

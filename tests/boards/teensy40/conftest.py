@@ -68,7 +68,7 @@ def system_library(tmp_path_factory: pytest.TempPathFactory) -> Path:
         *(ROOT / "firmware" / "app" / name for name in ("storage/param_store.cpp", "drivers/pca9685.cpp")),
         *(
             ROOT / "shared" / "core" / "src" / name
-            for name in ("robot/params.c", "robot/loop.c", "math/math.c", "motor/bridge.c")
+            for name in ("config/params.c", "tick/loop.c", "math/math.c", "actuate/bridge.c")
         ),
         *(generated_dir() / "src").glob("*_gen.c"),
         FAKES / "fake_teensy.cpp",

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "../control/pid_inline.h"
-#include "robot_internal.h"
+#include "../tick/stages.h"
 
 omni_uint_t omni_robot_watch_currents(omni_supervisor_t *supervisor, const omni_robot_config_t *c,
                                       const omni_estimate_t *estimate, const omni_applied_t *last) {

@@ -4,7 +4,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "../kinematics/kinematics_inline.h"
+#include "../model/kinematics_inline.h"
 
 #define OMNI_ROW(NAME, name) [OMNI_CTL_MODE_##NAME] = &omni_controller_row_##name,
 const omni_controller_t *const omni_controllers[OMNI_CTL_MODE_COUNT] = {OMNI_CTL_MODE_ROWS(OMNI_ROW)};

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
+#include "../control/controllers.h"
 #include "../math/math_inline.h"
-#include "controllers.h"
 
 static const omni_real_t DEG = OMNI_PI_F / 180.0f;
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /* Configurations of the laws in control/, from parameters. */
-#include "../robot/controllers.h"
+#include "controllers.h"
 
 /* xy, xy, theta */
 static void set_axes(omni_real_t *axes, omni_real_t xy, omni_real_t theta) {

@@ -2,7 +2,7 @@
 #include <string.h>
 
 #include "../math/math_inline.h"
-#include "robot_internal.h"
+#include "../tick/stages.h"
 
 static const omni_real_t excess = 1.2f;     /* times its reference: a wheel may turn so fast */
 static const omni_real_t tolerance = 0.05f; /* and by this share of LIM_WHEEL faster, around standstill */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file robot_internal.h
+ * @file stages.h
  * The stages of omni_robot_tick, and what they hand on. A stage reads what it is given as const, writes its own result
  * and keeps its own state. Per wheel: as many entries count as there are wheels; the others are zero in what is
  * reported.
@@ -17,8 +17,8 @@
  *   watch speeds counts, target, omni_actuation_t             a fault of the next tick
  *   report       all of these                                 omni_outputs_t
  */
-#ifndef OMNI_ROBOT_INTERNAL_H
-#define OMNI_ROBOT_INTERNAL_H
+#ifndef OMNI_STAGES_H
+#define OMNI_STAGES_H
 
 #include "omni/robot.h"
 

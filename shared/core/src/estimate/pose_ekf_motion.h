@@ -7,7 +7,7 @@
 #ifndef OMNI_POSE_EKF_MOTION_H
 #define OMNI_POSE_EKF_MOTION_H
 
-#include "../kinematics/kinematics_inline.h"
+#include "../model/kinematics_inline.h"
 #include "pose_ekf_internal.h"
 
 /* 2 pi = whole_turn + whole_turn_rest. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
 #include "../math/math_inline.h"
-#include "robot_internal.h"
+#include "../tick/stages.h"
 
 bool omni_excitation_fits(uint8_t place, uint8_t kind) {
     switch (place) {

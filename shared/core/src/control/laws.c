@@ -3,9 +3,9 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "../control/pose_control.h"
-#include "../kinematics/kinematics_inline.h"
-#include "../robot/controllers.h"
+#include "../model/kinematics_inline.h"
+#include "controllers.h"
+#include "pose_control.h"
 
 static void controller_reset_nothing(omni_control_state_t *control) {
     (void)control;

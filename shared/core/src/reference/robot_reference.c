@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: MIT */
+#include "../control/controllers.h"
 #include "../math/math_inline.h"
-#include "controllers.h"
 #include "omni/saturation.h"
 
 /* How fast a governed reference closes in on its target, 1/s. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-#include "../kinematics/kinematics_inline.h"
 #include "../math/invariant.h"
+#include "../model/kinematics_inline.h"
 #include "controllers.h"
 #include "omni/saturation.h"
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
-#include "robot_internal.h"
+#include "../tick/stages.h"
 
 #include <string.h>
 
-#include "../estimation/pose_ekf_inline.h"
-#include "../kinematics/kinematics_inline.h"
 #include "../math/invariant.h"
+#include "../model/kinematics_inline.h"
+#include "pose_ekf_inline.h"
 
 /* Counts a wheel can move in a tick: thrice its no-load speed, and never less than four counts. */
 static omni_int_t largest_step(const omni_robot_config_t *c, omni_real_t supply_V, uint32_t steps) {

@@ -3,7 +3,7 @@
  * @file controllers.h
  * Position controllers as rows of a table. CTL_MODE picks the row; what selects, resets, hands over and drives the
  * wheels reads the row and knows no controller by name. The values of CTL_MODE in params.toml are the table. For a
- * value `name` a source in controllers/ has the row `omni_controller_row_name` and the function `omni_configure_name`.
+ * value `name` a source in this folder has the row `omni_controller_row_name` and the function `omni_configure_name`.
  * docs/how-to-add/controller.md is the recipe.
  *
  * What a row points to is called controller_reset_..., controller_step_... and controller_margin_...: the bounds of
@@ -12,7 +12,7 @@
 #ifndef OMNI_CONTROLLERS_H
 #define OMNI_CONTROLLERS_H
 
-#include "robot_internal.h"
+#include "../tick/stages.h"
 
 /** A row. */
 typedef struct omni_controller_t {

@@ -2,8 +2,8 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "../estimation/pose_ekf_inline.h"
-#include "../kinematics/kinematics_inline.h"
+#include "../estimate/pose_ekf_inline.h"
+#include "../model/kinematics_inline.h"
 #include "controllers.h"
 
 /* How sure the bound on the slip error is, in standard deviations. */

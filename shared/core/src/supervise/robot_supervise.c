@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-#include "robot_internal.h"
+#include "../tick/stages.h"
 
 #include <string.h>
 

@@ -3,11 +3,11 @@
 
 #include <string.h>
 
-#include "../estimation/pose_ekf_inline.h"
+#include "../estimate/pose_ekf_inline.h"
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 #include "omni/kinematics.h"
-#include "robot_internal.h"
+#include "stages.h"
 
 void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
     const omni_pose_t origin = {0.0f, 0.0f, 0.0f};
