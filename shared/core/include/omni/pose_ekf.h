@@ -63,6 +63,17 @@
  * slot of the history gathered is kept with the factor of its time, so a late fix is still exact
  * (docs/concepts/derivations/adaptive_noise.md).
  *
+ * Noise is white, and what wheels are off by lasts: between two fixes it grows with the way L, not with its root. A
+ * filter that is tuned for many fixes is too sure between few, and would refuse every correct one. So where the NIS is
+ * beyond 7.81 (95 % of a chi-square of three degrees of freedom), the pose is less sure by slip ratios of variance
+ * p_slip on all of L, the way since the last fix that was used (turning counts as the way of a wheel at distance l):
+ *
+ *   P_xx, P_yy += p_slip L^2,   P_theta += p_slip L^2 / (n l^2)     for n wheels
+ *
+ * and the NIS is computed again. If it then passes the gate, the fix is used with that P; if not, it is refused and P
+ * stays. L keeps growing while fixes are refused, so the gate cannot lock the filter out of the truth. An outlier is
+ * further away than the robot may have slipped since the last fix. Without a gate none of this is done.
+ *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
  * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
  * OMNI_EKF_ALONE_US. A slot of the history in which neither wheels nor gyro have moved the robot brings none of it
@@ -213,6 +224,7 @@ typedef struct omni_pose_ekf_state_t {
     uint64_t last_fix_us;      /**< arrival of the last accepted fix; 0: none yet */
     uint64_t last_taken_us;    /**< when the last accepted fix was taken; 0: none yet */
     uint64_t told_us;          /**< when the pose was last told: by a fix that was used, set, or at the first tick */
+    omni_real_t unfixed_m;     /**< way of the wheels since the last used fix: |dx| + |dy| + l |dtheta| per slot */
     omni_real_t turn_noise;    /**< variance of theta that is not in `p` yet: too little for its last bit */
     omni_real_t slot_turn_rad; /**< gyro's rate summed over the slot being filled, bias included */
     omni_real_t slot_turn_s;   /**< time over which it was summed */

@@ -9,6 +9,9 @@ enum { FUTURE_US = 5000 };
 /* Smallest variance taken for a fix (1 um, 1 urad): keeps the innovation covariance invertible. */
 static const omni_real_t least_variance = 1e-12f;
 
+/* A filter that is right has a larger NIS in one fix of twenty: chi-square of three degrees of freedom, 95 %. */
+static const omni_real_t unlikely_nis = 7.81f;
+
 /* |dx| + |dy| + |dtheta| of a slot of the history from which the robot moves: 10 mm/s, or 10 mrad/s. */
 static const omni_real_t least_motion = 4e-5f;
 
@@ -198,6 +201,28 @@ static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *stat
                            : innovation_covariance_columns(u, state, u->columns);
 }
 
+/*
+ * The innovation is unlikely: the wheels may be off by more than the covariance allows, see omni/pose_ekf.h. Where it
+ * then passes the gate, the pose stays less sure by as much. Where it does not, it is an outlier, and nothing changes.
+ * @return the NIS with which the fix is judged
+ */
+static omni_real_t doubt_wheels(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                                omni_pose_ekf_state_t *state, omni_real_t nis) {
+    const omni_flag_t unlikely = nis > unlikely_nis;
+    const omni_real_t lever_m = k->b[0][2];
+    const omni_real_t variance = omni_select(unlikely, config->p_slip * state->unfixed_m * state->unfixed_m, 0.0f);
+    const omni_real_t before[OMNI_AXES] = {state->p[0][0], state->p[1][1], state->p[2][2]};
+    state->p[0][0] += variance;
+    state->p[1][1] += variance;
+    state->p[2][2] += variance / (lever_m * lever_m * (omni_real_t)k->wheels);
+    const omni_real_t doubted = innovation_covariance(u, state) ? normalised_square(u) : nis;
+    const omni_flag_t fits = doubted <= config->gate;
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        state->p[axis][axis] = omni_select(fits, state->p[axis][axis], before[axis]);
+    }
+    return omni_select(fits, doubted, nis);
+}
+
 static void set_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
     const omni_real_t *move = u->window.move;
     u->innovation[0] = (fix->pose.x - state->pose.x) + (move[0] - state->carry[0]);
@@ -302,9 +327,12 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (result != OMNI_OK && !spoilt) {
         return refuse_fix(state, result);
     }
-    const omni_real_t nis = spoilt ? state->nis : normalised_square(&u);
+    omni_real_t nis = spoilt ? state->nis : normalised_square(&u);
     if (!omni_is_finite(nis)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
+    }
+    if (!spoilt && config->gate > 0.0f && omni_any(nis > unlikely_nis)) {
+        nis = doubt_wheels(&u, config, k, state, nis);
     }
     memcpy(state->innovation, u.innovation, sizeof state->innovation);
     state->nis = nis;
@@ -327,6 +355,7 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     state->refused_in_row = 0;
     state->last_fix_us = state->time_us;
     state->told_us = state->time_us;
+    state->unfixed_m = 0.0f;
     state->white_factor = state->noise_factor;
     state->last_taken_us = state->time_us - u.age_us;
     return OMNI_OK;
