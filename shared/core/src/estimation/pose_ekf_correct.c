@@ -203,7 +203,7 @@ static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *stat
 
 /*
  * The innovation is unlikely: the wheels may be off by more than the covariance allows, see omni/pose_ekf.h. Where it
- * then passes the gate, the pose stays less sure by as much. Where it does not, it is an outlier, and nothing changes.
+ * then is likely, the pose stays less sure by as much. Where it is not, the gate judges it as if nothing had been done.
  * @return the NIS with which the fix is judged
  */
 static omni_real_t doubt_wheels(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
@@ -216,7 +216,7 @@ static omni_real_t doubt_wheels(update_t *u, const omni_pose_ekf_config_t *confi
     state->p[1][1] += variance;
     state->p[2][2] += variance / (lever_m * lever_m * (omni_real_t)k->wheels);
     const omni_real_t doubted = innovation_covariance(u, state) ? normalised_square(u) : nis;
-    const omni_flag_t fits = doubted <= config->gate;
+    const omni_flag_t fits = doubted <= unlikely_nis || nis <= config->gate;
     for (int axis = 0; axis < OMNI_AXES; ++axis) {
         state->p[axis][axis] = omni_select(fits, state->p[axis][axis], before[axis]);
     }
