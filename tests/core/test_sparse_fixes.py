@@ -55,7 +55,7 @@ def drive() -> Drive:
     return Drive()
 
 
-def estimated(drive: Drive, fixes: Array, every: int) -> tuple[Array, list[int]]:
+def estimated(drive: Drive, fixes: Array, every: int, sd_theta: float = 0.0) -> tuple[Array, list[int]]:
     """Estimate (n, 3) with every ``every``-th row of ``fixes`` as a fix, 50 ms late; the results of the fixes."""
     config, k = ffi.addressof(drive.config, "pose_ekf"), ffi.addressof(drive.config, "kinematics")
     state, fix = ffi.new("omni_pose_ekf_state_t *"), ffi.new("omni_pose_fix_t *")
@@ -70,6 +70,7 @@ def estimated(drive: Drive, fixes: Array, every: int) -> tuple[Array, list[int]]
             fix.time_us = (taken + 1) * TICK_US
             fix.pose.x, fix.pose.y = fixes[taken, :2]
             fix.pose.theta = np.arctan2(np.sin(fixes[taken, 2]), np.cos(fixes[taken, 2]))
+            fix.sd_theta = sd_theta
             results.append(lib.omni_pose_ekf_correct(state, config, k, fix))
         found[tick] = state.pose.x, state.pose.y, state.pose.theta
     return found, results
@@ -91,22 +92,21 @@ def test_every_correct_fix_helps_however_rare(drive: Drive) -> None:
     assert errors[3] < 0.03
 
 
-def jumped(drive: Drive, first: int, last: int) -> Array:
+@pytest.mark.parametrize(
+    ("every", "first", "last", "jump_m"), [(4, 4000, 4080, 0.5), (200, 4000, 4001, 0.5), (400, 4000, 4001, 1.0)]
+)
+def test_fixes_that_jump_are_still_refused(drive: Drive, every: int, first: int, last: int, jump_m: float) -> None:
+    """By more than wheels may have slipped since the last used fix."""
     fixes = drive.pose.copy()
-    fixes[first:last, 0] += 0.5
-    return fixes
-
-
-@pytest.mark.parametrize(("every", "first", "last"), [(4, 4000, 4080), (200, 4000, 4001), (400, 4000, 4001)])
-def test_fixes_that_jump_are_still_refused(drive: Drive, every: int, first: int, last: int) -> None:
-    found, results = estimated(drive, jumped(drive, first, last), every)
+    fixes[first:last, 0] += jump_m
+    found, results = estimated(drive, fixes, every)
     wrong = [result for index, result in enumerate(results, 1) if first <= index * every < last]
     assert wrong
     assert all(result == lib.OMNI_ERR_RANGE for result in wrong)
     assert np.abs(found - drive.pose)[first - 100 : last + 200, 0].max() < 0.1
 
 
-@pytest.mark.parametrize("every", [40, 200])
+@pytest.mark.parametrize("every", [4, 40, 200])
 def test_a_tracker_that_is_frozen_does_not_hold_the_estimate(drive: Drive, every: int) -> None:
     fixes = drive.pose.copy()
     fixes[4000:4800] = fixes[4000]
@@ -123,3 +123,24 @@ def test_fixes_with_swapped_axes_are_refused(drive: Drive) -> None:
     far = [result for index, result in enumerate(results, 1) if apart[index * 200] > 0.5]
     assert far
     assert lib.OMNI_OK not in far
+
+
+@pytest.mark.parametrize(("every", "most_s"), [(4, 0.6), (40, 2.3), (200, 8.0)])
+@pytest.mark.parametrize("sd_theta", [0.0, 1e3], ids=["with heading", "position only"])
+def test_refused_fixes_that_agree_with_each_other_restart_the_estimate(
+    drive: Drive, every: int, most_s: float, sd_theta: float
+) -> None:
+    """Somebody has carried the robot by 3 m and turned it. Fewer fixes suffice the rarer they are."""
+    carried = 4000
+    sine, cosine = np.sin(1.0), np.cos(1.0)
+    x, y = (drive.pose - drive.pose[carried])[:, :2].T
+    there = drive.pose + [3.0, 1.0, 1.0]
+    there[:, :2] = np.column_stack((cosine * x - sine * y, sine * x + cosine * y)) + there[carried, :2]
+    truth = np.where((np.arange(len(there)) < carried)[:, None], drive.pose, there)
+    found, results = estimated(drive, truth, every, sd_theta)
+    after = [(index * every, result) for index, result in enumerate(results, 1) if index * every >= carried]
+    ticks = next(tick for tick, result in after if result == lib.OMNI_OK)
+    assert (ticks - carried) * TICK_US * 1e-6 <= most_s
+    off = np.hypot(*(found - truth)[:, :2].T)
+    assert off[ticks - 1] > 2.0
+    assert off[ticks + 2000 :].max() < 0.25

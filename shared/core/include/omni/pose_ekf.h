@@ -63,16 +63,23 @@
  * slot of the history gathered is kept with the factor of its time, so a late fix is still exact
  * (docs/concepts/derivations/adaptive_noise.md).
  *
- * Noise is white, and what wheels are off by lasts: between two fixes it grows with the way L, not with its root. A
- * filter that is tuned for many fixes is too sure between few, and would refuse every correct one. So where the NIS is
- * beyond 7.81 (95 % of a chi-square of three degrees of freedom), the pose is less sure by slip ratios of variance
- * p_slip on all of L, the way since the last fix that was used (turning counts as the way of a wheel at distance l):
+ * Process noise is white, but what wheels are off by lasts: between two fixes it grows with the distance D, not with
+ * its root. A filter tuned for many fixes is overconfident between few, and would refuse every correct one. So a fix
+ * whose NIS exceeds 16.27 (99.9 % of a chi-square with three degrees of freedom) is judged once more, with the
+ * covariance that slip ratios of variance p_slip cause over D, the wheels' distance since the last fix that was used
+ * (a turn counts as the distance of a wheel, at the lever l; n wheels):
  *
- *   P_xx, P_yy += p_slip L^2,   P_theta += p_slip L^2 / (n l^2)     for n wheels
+ *   P_xx, P_yy += p_slip D^2,   P_theta += p_slip D^2 / (n l^2)
  *
- * and the NIS is computed again. A fix that passes the gate, or is no longer beyond 7.81, is used with that P; any other
- * is refused, and P stays. L keeps growing while fixes are refused, so the gate cannot lock the filter out of the truth. An outlier is
- * further away than the robot may have slipped since the last fix. Without a gate none of this is done.
+ * If the NIS is then at most 16.27, the fix is used with that P. If not, P stays, and the gate judges the fix as it
+ * was. D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is
+ * further away than the wheels may have slipped since the last used fix. Without a gate none of this is done.
+ *
+ * The gate also refuses fixes after somebody has carried the robot. So refused fixes that agree with each other restart
+ * the estimate: each one has moved since the first of them as the wheels say, up to slip ratios of variance p_slip and
+ * the fixes' noise (95 %). gate_restart of them are needed; OMNI_EKF_RESTART_FIXES suffice if no fix was used for
+ * OMNI_EKF_ALONE_US and the wheels have rolled OMNI_EKF_RESTART_M since the first. A tracker that is frozen does not
+ * agree with wheels that roll, and is refused for good. With headings of fixes unknown only distances are compared.
  *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
  * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
@@ -110,8 +117,13 @@ enum {
     OMNI_EKF_HISTORY = 64,                          /**< slots of the motion history */
     OMNI_EKF_SLOT_TICKS = 4,                        /**< most ticks of a slot: at 1 kHz a reach of 256 ms */
     OMNI_EKF_SLOT_US = 8000,                        /**< a slot is complete after this time, too */
-    OMNI_EKF_ALONE_US = 2000000                     /**< the filter is alone when no fix was used for longer */
+    OMNI_EKF_ALONE_US = 2000000,                    /**< the filter is alone when no fix was used for longer */
+    OMNI_EKF_RESTART_FIXES = 5                      /**< so many that agree restart a filter that is alone */
 };
+
+#define OMNI_EKF_RESTART_M                                                                                             \
+    0.2f /**< if the wheels have rolled so far since the first: fixes that agree by
+                                                 chance, or because nothing moves, do not count [m] */
 
 #define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
 #define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
@@ -138,7 +150,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t r_xy;      /**< variance of a fix, m^2 */
     omni_real_t r_theta;   /**< rad^2 */
     omni_real_t gate;      /**< NIS above this is refused; 0: no gate */
-    uint16_t gate_restart; /**< refused fixes in a row after which the estimate restarts */
+    uint16_t gate_restart; /**< refused fixes that agree with each other after which the estimate restarts */
     omni_real_t step_s;
     bool gyro;             /**< there is one: its bias and the error of its scale are states */
     omni_real_t q_turn;    /**< variance that the gyro's noise adds to theta per step, rad^2 */
@@ -220,15 +232,18 @@ typedef struct omni_pose_ekf_state_t {
     omni_uint_t accepted;              /**< fixes used */
     omni_uint_t refused;               /**< fixes gated out, too old, from the future, or not finite */
     omni_uint_t restarts;
-    uint16_t refused_in_row;   /**< gated out in a row */
-    uint64_t last_fix_us;      /**< arrival of the last accepted fix; 0: none yet */
-    uint64_t last_taken_us;    /**< when the last accepted fix was taken; 0: none yet */
-    uint64_t told_us;          /**< when the pose was last told: by a fix that was used, set, or at the first tick */
-    omni_real_t unfixed_m;     /**< way of the wheels since the last used fix: |dx| + |dy| + l |dtheta| per slot */
-    omni_real_t turn_noise;    /**< variance of theta that is not in `p` yet: too little for its last bit */
-    omni_real_t slot_turn_rad; /**< gyro's rate summed over the slot being filled, bias included */
-    omni_real_t slot_turn_s;   /**< time over which it was summed */
-    omni_real_t slot_rest;     /**< ticks of the slot at rest, and those in which the gyro gave the turn */
+    uint16_t refused_in_row;     /**< gated out in a row, agreeing with the first of them */
+    uint64_t last_fix_us;        /**< arrival of the last accepted fix; 0: none yet */
+    uint64_t last_taken_us;      /**< when the last accepted fix was taken; 0: none yet */
+    uint64_t told_us;            /**< when the pose was last told: by a fix that was used, set, or at the first tick */
+    omni_real_t unfixed_m;       /**< D: sum over slots of |dx| + |dy| + l |dtheta| since a fix was used */
+    omni_pose_t refused_first;   /**< of the refused fixes that agree with each other: the first one, */
+    omni_pose_t refused_against; /**< the estimate at its time, */
+    omni_real_t refused_from_m;  /**< and D then */
+    omni_real_t turn_noise;      /**< variance of theta that is not in `p` yet: too little for its last bit */
+    omni_real_t slot_turn_rad;   /**< gyro's rate summed over the slot being filled, bias included */
+    omni_real_t slot_turn_s;     /**< time over which it was summed */
+    omni_real_t slot_rest;       /**< ticks of the slot at rest, and those in which the gyro gave the turn */
     omni_real_t slot_turns;
     omni_real_t turn_apart;      /**< what the gyro turned less than the wheels in a slot [rad], mean of about eight */
     omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
@@ -294,7 +309,7 @@ void omni_pose_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_conf
                           const omni_kinematics_t *k);
 
 /**
- * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
+ * Use a fix, late or not. Enough refused ones that agree restart the estimate; the last of them counts as used.
  * @return OMNI_OK used. OMNI_ERR_RANGE gated out, or the covariance is spoilt. OMNI_ERR_TIME older than the
  * history, not newer than the last used one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE.
  * OMNI_ERR_LOCKED in mode odometry, which ignores fixes. When a fix is refused, counters and diagnostics

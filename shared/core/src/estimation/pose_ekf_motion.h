@@ -355,8 +355,8 @@ static inline void end_noise(omni_pose_ekf_state_t *state, const omni_pose_ekf_c
     }
 }
 
-/* How far the wheels have moved the robot since a fix was used: a turn counts as the way of a wheel. */
-static inline void add_unfixed_way(omni_pose_ekf_state_t *state, const omni_kinematics_t *k) {
+/* D of omni/pose_ekf.h. */
+static inline void add_unfixed_distance(omni_pose_ekf_state_t *state, const omni_kinematics_t *k) {
     const omni_real_t *move = state->history[state->newest].move;
     state->unfixed_m += omni_absf(move[0]) + omni_absf(move[1]) + k->b[0][2] * omni_absf(move[2]);
 }
@@ -384,7 +384,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     move_pose(state, motion.move);
     if (omni_ekf_history_add(state, &motion, has_gyro)) {
         end_noise(state, config);
-        add_unfixed_way(state, k);
+        add_unfixed_distance(state, k);
         omni_ekf_settle(state, config, k, slips, columns);
         if (slips > 0 && k->has_null && config->r_null > 0.0f && omni_ekf_has_fixes(state)) {
             use_null(state, config, k, slips, columns);
