@@ -411,7 +411,8 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (!omni_is_finite(nis)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
     }
-    if (!spoilt && config->gate > 0.0f && omni_any(nis > chi2_999)) {
+    if (!spoilt && config->gate > 0.0f && omni_any(nis > chi2_999) &&
+        (state->refused_in_row == 0 || agrees_with_first(&u, state, config, k, fix))) {
         nis = inflate_for_slip(&u, config, k, state, nis);
     }
     memcpy(state->innovation, u.innovation, sizeof state->innovation);
