@@ -130,11 +130,12 @@ def test_fixes_with_swapped_axes_are_refused(drive: Drive) -> None:
 def test_refused_fixes_that_agree_with_each_other_restart_the_estimate(
     drive: Drive, every: int, most_s: float, sd_theta: float
 ) -> None:
-    """Somebody has carried the robot by 3 m and turned it. Fewer fixes suffice the rarer they are."""
+    """Somebody has carried the robot by 3 m, and turned it if the fixes tell. Fewer suffice the rarer they are."""
     carried = 4000
-    sine, cosine = np.sin(1.0), np.cos(1.0)
+    turned = 1.0 if sd_theta == 0.0 else 0.0
+    sine, cosine = np.sin(turned), np.cos(turned)
     x, y = (drive.pose - drive.pose[carried])[:, :2].T
-    there = drive.pose + [3.0, 1.0, 1.0]
+    there = drive.pose + [3.0, 1.0, turned]
     there[:, :2] = np.column_stack((cosine * x - sine * y, sine * x + cosine * y)) + there[carried, :2]
     truth = np.where((np.arange(len(there)) < carried)[:, None], drive.pose, there)
     found, results = estimated(drive, truth, every, sd_theta)

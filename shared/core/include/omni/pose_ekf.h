@@ -59,7 +59,9 @@
  *
  * rho multiplies the variance of a fix: squares that stay above what S says make the filter less sure. It cannot fall
  * below 1, so chance alone would hold it above: OMNI_EKF_FIX_MARGIN takes that away. Both stand still while the robot
- * does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with adapt = 0. What a
+ * does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with adapt = 0. q_slip
+ * takes at most OMNI_EKF_MOST_SLIP_NOISE of lambda: fixes that are late and do not say so drive lambda to its end, and
+ * slip ratios that follow each of them would spoil the motion between two fixes. What a
  * slot of the history gathered is kept with the factor of its time, so a late fix is still exact
  * (docs/concepts/derivations/adaptive_noise.md).
  *
@@ -128,6 +130,7 @@ enum {
 #define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
 #define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
 #define OMNI_EKF_MOST_NOISE 1024.0f         /**< greatest lambda: 32 times the deviation that is configured */
+#define OMNI_EKF_MOST_SLIP_NOISE 16.0f      /**< greatest lambda that multiplies q_slip: 4 times the deviation */
 #define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
 #define OMNI_EKF_FIX_MARGIN 0.1f            /**< share by which squares must be too large before rho grows */
 

@@ -13,9 +13,6 @@ static const omni_real_t least_variance = 1e-12f;
 static const omni_real_t chi2_999 = 16.27f; /* 99.9 % */
 static const omni_real_t chi2_95 = 7.81f;   /* 95 % */
 
-/* Variance of a heading that may be any: pi^2 / 3. A fix with more says nothing of it. */
-static const omni_real_t any_heading = 3.29f;
-
 /* |dx| + |dy| + |dtheta| of a slot of the history from which the robot moves: 10 mm/s, or 10 mrad/s. */
 static const omni_real_t least_motion = 4e-5f;
 
@@ -268,9 +265,9 @@ static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *confi
     omni_ekf_history_rebase(state, u->columns);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
     set_innovation(u, state, fix);
-    const omni_flag_t has_heading = u->r[2] < any_heading;
+    const omni_flag_t has_heading = u->r[2] < OMNI_EKF_ANY_HEADING;
     u->innovation[2] = omni_select(has_heading, u->innovation[2], 0.0f);
-    u->r[2] = omni_select(has_heading, u->r[2], any_heading);
+    u->r[2] = omni_select(has_heading, u->r[2], OMNI_EKF_ANY_HEADING);
     move_to_fix(u, state);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
     const omni_real_t phi[OMNI_AXES][OMNI_AXES] = {
@@ -317,7 +314,7 @@ static bool agrees_with_first(const update_t *u, const omni_pose_ekf_state_t *st
     motion_between(&state->refused_first, &fix->pose, fixes);
     motion_between(&state->refused_against, &estimate, wheels);
     const omni_real_t square = wheels[0] * wheels[0] + wheels[1] * wheels[1];
-    if (!(turn_variance < any_heading)) {
+    if (!(turn_variance < OMNI_EKF_ANY_HEADING)) {
         const omni_real_t longer = omni_sqrtf(fixes[0] * fixes[0] + fixes[1] * fixes[1]) - omni_sqrtf(square);
         return longer * longer <= chi2_95 * (2.0f * u->r[0] + slip);
     }
