@@ -130,7 +130,7 @@ enum {
 #define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
 #define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
 #define OMNI_EKF_MOST_NOISE 1024.0f         /**< greatest lambda: 32 times the deviation that is configured */
-#define OMNI_EKF_MOST_SLIP_NOISE 16.0f      /**< greatest lambda that multiplies q_slip: 4 times the deviation */
+#define OMNI_EKF_MOST_SLIP_NOISE 4.0f       /**< greatest lambda that multiplies q_slip: 2 times the deviation */
 #define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
 #define OMNI_EKF_FIX_MARGIN 0.1f            /**< share by which squares must be too large before rho grows */
 
