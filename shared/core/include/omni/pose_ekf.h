@@ -61,21 +61,21 @@
  * below 1, so chance alone would hold it above: OMNI_EKF_FIX_MARGIN takes that away. Both stand still while the robot
  * does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with adapt = 0. q_slip
  * takes at most OMNI_EKF_MOST_SLIP_NOISE of lambda: fixes that are late and do not say so drive lambda to its end, and
- * slip ratios that follow each of them would spoil the motion between two fixes. What a
- * slot of the history gathered is kept with the factor of its time, so a late fix is still exact
- * (docs/concepts/derivations/adaptive_noise.md).
+ * slip ratios that follow each of them would spoil the motion between two fixes. What a slot of the history gathered is
+ * kept with the factor of its time, so a late fix is still exact (docs/concepts/derivations/adaptive_noise.md).
  *
  * Process noise is white, but what wheels are off by lasts: between two fixes it grows with the distance D, not with
  * its root. A filter tuned for many fixes is overconfident between few, and would refuse every correct one. So a fix
  * whose NIS exceeds 16.27 (99.9 % of a chi-square with three degrees of freedom) is judged once more, with the
- * covariance that slip ratios of variance p_slip cause over D, the wheels' distance since the last fix that was used
- * (a turn counts as the distance of a wheel, at the lever l; n wheels):
+ * covariance that slip ratios of variance v cause over D. D is the wheels' distance since the last fix that was used (a
+ * turn counts as the distance of a wheel, at the lever l; n wheels). A ratio may be wrong by a third of itself, too:
  *
- *   P_xx, P_yy += p_slip D^2,   P_theta += p_slip D^2 / (n l^2)
+ *   v = p_slip + sum (s_i / 3)^2,   P_xx, P_yy += v D^2,   P_theta += v D^2 / (n l^2)
  *
  * If the NIS is then at most 16.27, the fix is used with that P. If not, P stays, and the gate judges the fix as it
  * was. D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is
- * further away than the wheels may have slipped since the last used fix. Without a gate none of this is done.
+ * further away than the wheels may have slipped since the last used fix. After a refused fix this is done only for one
+ * that agrees with it (below): else a frozen tracker would be believed when D is long. Without a gate it is not done.
  *
  * The gate also refuses fixes after somebody has carried the robot. So refused fixes that agree with each other restart
  * the estimate: each one has moved since the first of them as the wheels say, up to slip ratios of variance p_slip and
@@ -239,7 +239,7 @@ typedef struct omni_pose_ekf_state_t {
     uint64_t last_fix_us;        /**< arrival of the last accepted fix; 0: none yet */
     uint64_t last_taken_us;      /**< when the last accepted fix was taken; 0: none yet */
     uint64_t told_us;            /**< when the pose was last told: by a fix that was used, set, or at the first tick */
-    omni_real_t unfixed_m;       /**< D: sum over slots of |dx| + |dy| + l |dtheta| since a fix was used */
+    omni_real_t since_fix_m;     /**< D: sum over slots of |dx| + |dy| + l |dtheta| since a fix was used */
     omni_pose_t refused_first;   /**< of the refused fixes that agree with each other: the first one, */
     omni_pose_t refused_against; /**< the estimate at its time, */
     omni_real_t refused_from_m;  /**< and D then */

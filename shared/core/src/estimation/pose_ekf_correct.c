@@ -202,7 +202,7 @@ static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *stat
                            : innovation_covariance_columns(u, state, u->columns);
 }
 
-/* Variance of x and of y from slip ratios of this variance over a distance of the wheels, and of theta. */
+/* Variance of x and of y from slip ratios of this variance over a distance of the wheels. That of theta: the next. */
 static inline omni_real_t slip_variance(omni_real_t ratio, omni_real_t distance_m) {
     return ratio * distance_m * distance_m;
 }
@@ -219,11 +219,11 @@ static inline omni_real_t slip_turn_variance(const omni_kinematics_t *k, omni_re
 static omni_real_t inflate_for_slip(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                                     omni_pose_ekf_state_t *state, omni_real_t nis) {
     const omni_flag_t unlikely = nis > chi2_999;
-    omni_real_t ratio = config->p_slip;
+    omni_real_t ratio = config->p_slip; /* beside it, a ratio that is not 0 may be wrong by a third of itself */
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         ratio += state->slip[i] * state->slip[i] * (1.0f / 9.0f);
     }
-    const omni_real_t variance = omni_select(unlikely, slip_variance(ratio, state->unfixed_m), 0.0f);
+    const omni_real_t variance = omni_select(unlikely, slip_variance(ratio, state->since_fix_m), 0.0f);
     const omni_real_t before[OMNI_AXES] = {state->p[0][0], state->p[1][1], state->p[2][2]};
     state->p[0][0] += variance;
     state->p[1][1] += variance;
@@ -307,7 +307,7 @@ static bool agrees_with_first(const update_t *u, const omni_pose_ekf_state_t *st
                               const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                               const omni_pose_fix_t *fix) {
     const omni_pose_t estimate = estimate_at(u, fix);
-    const omni_real_t slip = slip_variance(config->p_slip, state->unfixed_m - state->refused_from_m);
+    const omni_real_t slip = slip_variance(config->p_slip, state->since_fix_m - state->refused_from_m);
     const omni_real_t turn_variance = 2.0f * u->r[2] + slip_turn_variance(k, slip);
     omni_real_t fixes[OMNI_AXES];
     omni_real_t wheels[OMNI_AXES];
@@ -334,9 +334,9 @@ static bool count_refused(const update_t *u, omni_pose_ekf_state_t *state, const
         state->refused_in_row = 1;
         state->refused_first = fix->pose;
         state->refused_against = estimate_at(u, fix);
-        state->refused_from_m = state->unfixed_m;
+        state->refused_from_m = state->since_fix_m;
     }
-    const bool rolled = state->unfixed_m - state->refused_from_m > OMNI_EKF_RESTART_M;
+    const bool rolled = state->since_fix_m - state->refused_from_m > OMNI_EKF_RESTART_M;
     const bool few_suffice = rolled && omni_ekf_is_alone(state->told_us, state->time_us);
     return state->refused_in_row >= config->gate_restart ||
            (few_suffice && state->refused_in_row >= OMNI_EKF_RESTART_FIXES);
@@ -434,7 +434,7 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     state->refused_in_row = 0;
     state->last_fix_us = state->time_us;
     state->told_us = state->time_us;
-    state->unfixed_m = 0.0f;
+    state->since_fix_m = 0.0f;
     state->white_factor = state->noise_factor;
     state->last_taken_us = state->time_us - u.age_us;
     return OMNI_OK;

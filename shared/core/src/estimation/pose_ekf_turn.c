@@ -16,7 +16,6 @@ static const omni_real_t skid_share = 0.125f;
 /* Variance that a slip ratio gathers in a slot while wheels skid: 0.05 in the root of a second. */
 static const omni_real_t skid_noise = 1e-5f;
 
-
 /* What the turn of a slot says: h has an entry per state after the pose. */
 typedef struct turn_measurement_t {
     omni_real_t h[OMNI_EKF_COLUMNS];
