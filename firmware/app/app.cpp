@@ -38,7 +38,7 @@ OMNI_COLD App::App(const Board &board, bool lockstep)
       burst_log_(board_, links_, texts_, robot_, control_, parameters_),
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
               trajectories_, excitations_),
-      commands_(*board_.output_enable, links_, texts_, robot_, control_,
+      commands_(*board_.output_enable, clock_, links_, texts_, robot_, control_,
                 {arming_, heartbeats_, setpoints_, parameters_, telemetry_, trajectories_, scan_, burst_log_,
                  excitations_, trial_, *this}),
       owner_(lockstep ? Owner::background : Owner::timer) {

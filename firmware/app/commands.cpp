@@ -45,7 +45,7 @@ uint8_t queued_result(bool done) {
 
 } // namespace
 
-void Commands::on_command_long(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Commands::on_command_long(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_long_t>();
     handle({message.command,
             {message.param1, message.param2, message.param3, message.param4, message.param6, message.param7},
@@ -55,7 +55,7 @@ void Commands::on_command_long(const Frame &frame, const Sender &sender) {
             message.confirmation > 0});
 }
 
-void Commands::on_command_int(const Frame &frame, const Sender &sender) {
+OMNI_COLD void Commands::on_command_int(const Frame &frame, const Sender &sender) {
     const auto message = frame.as<mavlink_command_int_t>();
     handle({message.command,
             {message.param1, message.param2, message.param3, message.param4, static_cast<float>(message.y), message.z},
@@ -66,23 +66,63 @@ void Commands::on_command_int(const Frame &frame, const Sender &sender) {
 }
 
 OMNI_COLD void Commands::on_set_mode(const Frame &frame, const Sender &sender) {
-    done_[sender.link] = {};
-    set_mode(requested_mode(frame.as<mavlink_set_mode_t>().custom_mode), sender);
+    const ModeRequest mode = requested_mode(frame.as<mavlink_set_mode_t>().custom_mode);
+    if (mode == ModeRequest::hold) {
+        memory_.stopped(sender, clock_.now_us);
+    }
+    set_mode(mode, sender);
 }
 
-bool Commands::was_done(const Command &command) const {
-    const Done &last = done_[command.sender.link];
-    return command.again && !command.stops && command.receipt != 0 && command.receipt == last.receipt &&
-           command.id == last.id && command.sender.system == last.sender.system &&
-           command.sender.component == last.sender.component;
+OMNI_COLD Commands::Effect Commands::effect_of(const Command &command) {
+    switch (command.id) {
+    case cmd_arm:
+    case cmd_terminate:
+    case MAV_CMD_OMNI_ESTOP:
+        return command.stops ? Effect::ends : Effect::begins;
+    case MAV_CMD_OMNI_TRAJECTORY_STOP:
+        return Effect::ends;
+    case MAV_CMD_OMNI_TRAJECTORY_START:
+    case MAV_CMD_OMNI_OE_TEST:
+        return Effect::begins;
+    case MAV_CMD_OMNI_EXCITE:
+    case MAV_CMD_OMNI_HIL:
+        return command.param[0] == 0.0f ? Effect::ends : Effect::begins;
+    case cmd_do_set_mode:
+        return requested_mode(command.param[1], command.param[2]) == ModeRequest::hold ? Effect::ends : Effect::begins;
+    default:
+        return Effect::other;
+    }
+}
+
+OMNI_COLD uint8_t Commands::result_of(const Command &command) {
+    const Effect effect = effect_of(command);
+    if (effect == Effect::ends) {
+        memory_.stopped(command.sender, clock_.now_us);
+    }
+    if (effect == Effect::ends || command.receipt == 0) {
+        return run(command);
+    }
+    const CommandMemory::Key key{command.sender, command.id, command.receipt};
+    switch (memory_.take(key, command.repeated, effect == Effect::begins, clock_.now_us)) {
+    case CommandMemory::Verdict::overtaken:
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("command refused: a stop came first"));
+        return MAV_RESULT_DENIED;
+    case CommandMemory::Verdict::executed:
+        return MAV_RESULT_ACCEPTED;
+    default:
+        break;
+    }
+    const uint8_t result = run(command);
+    if (result == MAV_RESULT_ACCEPTED) {
+        memory_.accepted(key);
+    }
+    return result;
 }
 
 void Commands::handle(const Command &command) {
     mavlink_command_ack_t ack{};
     ack.command = command.id;
-    ack.result = was_done(command) ? static_cast<uint8_t>(MAV_RESULT_ACCEPTED) : run(command);
-    const bool accepted = ack.result == MAV_RESULT_ACCEPTED;
-    done_[command.sender.link] = {command.id, accepted ? command.receipt : 0, command.sender};
+    ack.result = result_of(command);
     ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;
@@ -119,7 +159,7 @@ uint8_t Commands::run_motion(const Command &command) {
     return result;
 }
 
-uint8_t Commands::run(const Command &command) {
+OMNI_COLD uint8_t Commands::run(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case cmd_arm:
@@ -147,7 +187,7 @@ uint8_t Commands::run(const Command &command) {
     }
 }
 
-uint8_t Commands::run_own(const Command &command) {
+OMNI_COLD uint8_t Commands::run_own(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case MAV_CMD_OMNI_HIL:

@@ -7,12 +7,13 @@
 /// COMMAND_ACK.result_param2 is then the CRC-32 of all seven parameters as they came. Without a number it is 0.
 ///
 /// An answer may get lost, and the command is then sent again, with COMMAND_LONG.confirmation above 0. A numbered one
-/// that was accepted is not done twice, if nothing else came over its link meanwhile: it is only answered again.
-/// Stops are done every time.
+/// that was accepted is then only answered again. Stops and holds are executed every time. Once one has come, a
+/// repetition of an earlier command that begins a motion or releases an emergency stop is denied (CommandMemory).
 #pragma once
 
 #include "app/arming.h"
 #include "app/burst_log.h"
+#include "app/command_memory.h"
 #include "app/excitations.h"
 #include "app/flight_mode.h"
 #include "app/parameter_trial.h"
@@ -41,9 +42,9 @@ public:
         HilSwitch &hil;
     };
 
-    Commands(OutputEnable &output_enable, Links &links, Texts &texts, RobotState &robot, ControlLoop &control,
-             const Services &services)
-        : output_enable_(output_enable), links_(links), texts_(texts), robot_(robot), control_(control),
+    Commands(OutputEnable &output_enable, const RobotClock &clock, Links &links, Texts &texts, RobotState &robot,
+             ControlLoop &control, const Services &services)
+        : output_enable_(output_enable), clock_(clock), links_(links), texts_(texts), robot_(robot), control_(control),
           services_(services) {}
 
     void on_command_long(const Frame &frame, const Sender &sender);
@@ -56,17 +57,17 @@ private:
         float param[6] = {}; ///< 1 to 4, 6 and 7
         Sender sender;
         int32_t receipt = 0;
-        bool stops = false; ///< its answer goes before all others
-        bool again = false; ///< its sender says that he sent it before
+        bool stops = false;    ///< its answer goes before all others
+        bool repeated = false; ///< its sender says that it was sent before
     };
-    /// The last command that came over a link, if it was accepted.
-    struct Done {
-        uint16_t id = 0;
-        int32_t receipt = 0; ///< 0: none
-        Sender sender;
+    enum class Effect : uint8_t {
+        other,
+        begins, ///< a motion, or it releases a stop
+        ends,   ///< a motion
     };
+    static Effect effect_of(const Command &command);
     void handle(const Command &command);
-    bool was_done(const Command &command) const;
+    uint8_t result_of(const Command &command);
     uint8_t run(const Command &command);
     uint8_t run_own(const Command &command);
     uint8_t run_motion(const Command &command);
@@ -82,12 +83,13 @@ private:
     uint8_t request_message(size_t link, float id);
 
     OutputEnable &output_enable_;
+    const RobotClock &clock_;
     Links &links_;
     Texts &texts_;
     RobotState &robot_;
     ControlLoop &control_;
     const Services services_;
-    Done done_[Board::max_ports];
+    CommandMemory memory_;
 };
 
 } // namespace omni

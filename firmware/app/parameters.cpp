@@ -89,6 +89,7 @@ StoreResult Parameters::adopt_stored() {
         return result;
     }
     leave_out_what_clashes(values);
+    keep_system(values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     if (!adopt(values, &bad, &why)) {
@@ -204,7 +205,16 @@ OMNI_COLD void Parameters::on_set(const Frame &frame, const Sender &sender) {
     }
 }
 
-bool Parameters::adopt_or_say(const omni_real_t *values) {
+/// Another robot on the line may have the number that is stored, or the robot's own: the two would be driven as one.
+void Parameters::keep_system(omni_real_t *values) const {
+    const omni_real_t now = values_[OMNI_PARAM_SYS_ID];
+    values[OMNI_PARAM_SYS_ID] = now > 0.0f ? now : values[OMNI_PARAM_SYS_ID]; // before boot there is none
+}
+
+OMNI_COLD bool Parameters::adopt_or_say(const omni_real_t *wanted) {
+    omni_real_t values[OMNI_PARAM_COUNT];
+    std::memcpy(values, wanted, sizeof values);
+    keep_system(values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     if (adopt(values, &bad, &why)) {

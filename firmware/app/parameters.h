@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: MIT
 /// @file parameters.h  The working parameter set and MAVLink's parameter protocol. Every parameter travels as REAL32.
+///
+/// SYS_ID changes by a PARAM_SET of it alone, and at a restart, if another one is stored. What replaces many values at
+/// once leaves it: loading, going back to the robot's own values, the end of a trial.
 #pragma once
 
 #include <cstdint>
@@ -50,7 +53,8 @@ public:
 private:
     void say_boot_problems();
     bool adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why);
-    bool adopt_or_say(const omni_real_t *values);
+    bool adopt_or_say(const omni_real_t *wanted);
+    void keep_system(omni_real_t *values) const;
     bool fits(const omni_real_t *values, int32_t *bad_index);
     void leave_out_what_clashes(omni_real_t *values);
     StoreResult adopt_stored();

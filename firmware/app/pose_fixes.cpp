@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "app/cold.h"
 #include "app/core.h"
 #include "app/frames.h"
 
@@ -13,6 +14,8 @@ constexpr uint64_t oldest_us = 250'000;
 constexpr uint64_t ahead_us = 5'000;
 /// Further than this [m or rad] no sensor, however coarse, says the same pose twice.
 constexpr float frozen_travel = 0.005f;
+/// As far [m, rad] from the estimate, three exact zeros are no measurement.
+constexpr float most_zero_offset = 0.02f;
 /// A fix whose x and y may be off by more [m] tells nothing, but it would count as one: `pose stale` would not show.
 constexpr float most_sd_xy = 1.0f;
 
@@ -22,7 +25,7 @@ float standard_deviation(float variance) {
     return variance > 0.0f ? omni_sqrtf(variance < most ? variance : most) : 0.0f;
 }
 
-/// Whether a quaternion is a rotation: of length 1, but for rounding. What lost its object sends zeros.
+/// Whether a quaternion is a rotation: of length 1, but for rounding. A lost tracker's zeros are none.
 bool is_rotation(const float (&q)[4]) {
     constexpr float off = 0.01f;
     const float square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
@@ -89,6 +92,16 @@ bool PoseFixes::frozen(const omni_pose_t &world) {
     return travelled_ > frozen_travel;
 }
 
+/// A tracker that has lost its object sends zeros. A measurement is exactly zero in all three only if it has no noise,
+/// as in a simulation: it is then near the estimate and can be used. Far from it the zeros would become the pose, after
+/// some outliers, and a robot that holds would drive off.
+OMNI_COLD bool PoseFixes::zeros_of_lost(const omni_pose_t &world) const {
+    const omni_pose_t &at = robot_.latest().outputs.pose;
+    const bool zeros = world.x == 0.0f && world.y == 0.0f && world.theta == 0.0f;
+    return zeros && !(omni_absf(at.x) <= most_zero_offset && omni_absf(at.y) <= most_zero_offset &&
+                      omni_absf(omni_wrap_pi(at.theta)) <= most_zero_offset);
+}
+
 /// @param covariance row-major upper triangle of 6 x 6: x, y, yaw are elements 0, 6, 20.
 void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float *covariance) {
     const float x = standard_deviation(covariance[0]);
@@ -104,6 +117,10 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy,
     }
     if (sd_xy > most_sd_xy) {
         complain("it may be off by metres");
+        return;
+    }
+    if (zeros_of_lost(world)) {
+        complain("zeros: is the tracker lost?");
         return;
     }
     if (frozen(world)) {

@@ -3,7 +3,7 @@
 ///
 /// A time stamp within the last 0.25 s of the robot's clock is believed. In place of any other (Unix time, say)
 /// FIX_DELAY before now is taken. A sensor that has frozen repeats its fix digit by digit, although the wheels have
-/// moved the robot meanwhile. Such a fix is not used.
+/// moved the robot meanwhile. Such a fix is not used. Nor is one of exact zeros, unless the estimate is near them.
 ///
 /// The tick uses one per millisecond. Of a backlog, as a link delivers it after a pause, the newest `most_waiting` are
 /// kept. All others are dropped, which is said: what is older helps the estimate no more.
@@ -37,6 +37,7 @@ private:
     void accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta);
     uint64_t time_of(uint64_t stamp_us) const;
     bool frozen(const omni_pose_t &world);
+    bool zeros_of_lost(const omni_pose_t &world) const;
     void complain(const char *why);
 
     Texts &texts_;

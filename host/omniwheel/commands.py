@@ -5,16 +5,20 @@ Arm and disarm are the same command, and COMMAND_ACK has no copy of the paramete
 looks like one to "disarm". So every command carries a number in param5, which no command of the robot uses. The robot
 answers with the CRC-32 of all parameters in ``result_param2``. A robot that answers 0 there does not know this: it is
 believed until it has shown once that it does.
+
+A command keeps its number through all of its copies, also after "temporarily rejected". By it the robot knows a copy
+of what it has executed already, and of what somebody's stop has made void (docs/reference/protocol.md, Commands).
 """
 
 from __future__ import annotations
 
 import struct
 import zlib
+from collections.abc import Callable
 
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, enum_name, mavlink
-from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeoutError
+from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeoutError, SetpointError
 from omniwheel.texts import TextLog
 
 ACK_TIMEOUT_S = 1.0
@@ -25,7 +29,22 @@ ARMING_TIMEOUT_S = 5.0
 """It is not armed while a wheel turns: after full speed those of `fast_three_wheel` coast for 3.4 s."""
 BUSY_PERIOD_S = 0.05
 USED_PARAMS = 4
+CANCELLED = "CANCELLED"
+"""Result of a command that is not repeated any more, because another station has stopped the robot meanwhile."""
 _LAST_NUMBER = 65535
+_LAST_CONFIRMATION = 255
+_STOPPED_BY = ("stopped by station ", "held by station ")
+"""How the robot begins to say that another station ended a motion."""
+_BUSY = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+
+
+def begins_motion(command: int, first: float) -> bool:
+    """Return whether a command with this first parameter begins a motion, or releases an emergency stop."""
+    if command == mavlink.MAV_CMD_OMNI_ESTOP:
+        return first == 0.0
+    if command in (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_OMNI_EXCITE):
+        return first != 0.0
+    return bool(command == mavlink.MAV_CMD_OMNI_TRAJECTORY_START)
 
 
 class Commander:
@@ -34,43 +53,95 @@ class Commander:
     def __init__(self, connection: Connection, texts: TextLog) -> None:
         self._connection = connection
         self._texts = texts
-        self._number = 0
+        # Another program of this station may have used the first numbers a moment ago.
+        self._number = int(connection.clock() * 1e3) % _LAST_NUMBER
         self._receipts = False  # the robot has given one
 
     def send(self, command: int, *params: float, what: str, last: tuple[float, float] = (0.0, 0.0)) -> None:
         """Send a COMMAND_LONG and wait for its COMMAND_ACK.
 
-        ``params`` are up to four, ``last`` the sixth and seventh. ``what`` describes it in errors ("to arm"). Raises
-        CommandRefusedError (ArmingRefusedError for arming) or LinkTimeoutError.
+        ``params`` are up to four, ``last`` the sixth and seventh. ``what`` describes it in errors ("to arm"). A command
+        that begins a motion is not repeated once the robot has said that another station stopped it. Raises
+        CommandRefusedError (ArmingRefusedError for arming), LinkTimeoutError, or SetpointError for a number that fits
+        no float32.
         """
         mark = self._texts.mark()
+        numbered, receipt = self._numbered(params, last, what)
         self._connection.beat()  # after a silence the robot must hear first that somebody is there
         arming = command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM and bool(params and params[0])
-        ack = self._settled(command, params, last, ARMING_TIMEOUT_S if arming else BUSY_TIMEOUT_S)
+        refusal = ArmingRefusedError if arming else CommandRefusedError
+        stops_void = begins_motion(command, numbered[0])
+        answers: list[Message] = []
+        end_s = self._connection.clock() + (ARMING_TIMEOUT_S if arming else BUSY_TIMEOUT_S)
+
+        def before_repeating() -> None:
+            if stops_void and self._is_stopped(mark):
+                raise refusal(what, CANCELLED, self._texts.reasons_since(mark))
+
+        remove = self._connection.add_listener(
+            lambda m: answers.append(m) if self._answers(m, command, receipt) else None
+        )
+        try:
+            ack = self._settled(command, numbered, answers, end_s, before_repeating)
+        finally:
+            remove()
         if ack is None:
             raise LinkTimeoutError(f"the robot does not answer the command {what}")
         if ack.result != mavlink.MAV_RESULT_ACCEPTED:
             result = enum_name("MAV_RESULT", ack.result, "MAV_RESULT_")
-            refusal = ArmingRefusedError if arming else CommandRefusedError
             raise refusal(what, result, self._texts.reasons_since(mark))
 
     def _settled(
-        self, command: int, params: tuple[float, ...], last: tuple[float, float], timeout_s: float
+        self,
+        command: int,
+        numbered: list[float],
+        answers: list[Message],
+        end_s: float,
+        before_repeating: Callable[[], None],
     ) -> Message | None:
-        """Return the acknowledgement; "temporarily rejected", as while it starts up, is tried again for a while."""
-        end = self._connection.clock() + timeout_s
-        while True:
-            ack = self._acknowledged(command, params, last)
-            busy = ack is not None and ack.result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-            if not busy or self._connection.clock() >= end:
-                return ack
-            self._connection.pump(BUSY_PERIOD_S)
+        """Send copies until one is answered; "temporarily rejected" is tried again until ``end_s``.
 
-    def _numbered(self, params: tuple[float, ...], last: tuple[float, float]) -> tuple[list[float], int]:
+        ``answers`` get the answers as they come. Returns the one that counts, or None after ten silent tries.
+        """
+        copies = silent = 0
+        while silent < TRIES:
+            if copies:
+                before_repeating()
+            known = len(answers)
+            self._send_copy(command, numbered, copies)
+            copies += 1
+            self._await_answer(answers, known)
+            silent = silent + 1 if len(answers) == known else 0
+            over = not silent and self._connection.clock() >= end_s
+            if over and len(answers) < copies:  # this may be the answer to an earlier copy
+                self._await_answer(answers, len(answers))
+            elif not silent and not over and _final(answers) is None:
+                self._connection.pump(BUSY_PERIOD_S)
+            final = _final(answers)
+            if final is not None or over:
+                return final or answers[-1]
+        return None
+
+    def _send_copy(self, command: int, numbered: list[float], copies: int) -> None:
+        target = self._connection.target_system, self._connection.target_component
+        confirmation = min(copies, _LAST_CONFIRMATION)
+        self._connection.send(mavlink.MAVLink_command_long_message(*target, command, confirmation, *numbered))
+
+    def _await_answer(self, answers: list[Message], known: int) -> None:
+        self._connection.wait(lambda _: len(answers) > known, ACK_TIMEOUT_S)
+
+    def _is_stopped(self, mark: int) -> bool:
+        return any(text.text.startswith(_STOPPED_BY) for text in self._texts.since(mark))
+
+    def _numbered(self, params: tuple[float, ...], last: tuple[float, float], what: str) -> tuple[list[float], int]:
         """Return all seven parameters with the next number in the fifth, and the receipt that answers them."""
         self._number = self._number % _LAST_NUMBER + 1
         numbered = [*params, *[0.0] * (USED_PARAMS - len(params)), float(self._number), *last]
-        (receipt,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(struct.pack("<7f", *numbered))))
+        try:
+            packed = struct.pack("<7f", *numbered)
+        except (OverflowError, struct.error) as error:
+            raise SetpointError(f"a parameter of the command {what} does not fit a float32: {error}") from error
+        (receipt,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(packed)))
         return numbered, receipt
 
     def _answers(self, message: Message, command: int, receipt: int) -> bool:
@@ -80,19 +151,6 @@ class Commander:
             self._receipts = True
             return True
         return message.result_param2 == 0 and not self._receipts
-
-    def _acknowledged(self, command: int, params: tuple[float, ...], last: tuple[float, float]) -> Message | None:
-        numbered, receipt = self._numbered(params, last)
-        for confirmation in range(TRIES):
-            self._connection.send(
-                mavlink.MAVLink_command_long_message(
-                    self._connection.target_system, self._connection.target_component, command, confirmation, *numbered
-                )
-            )
-            ack = self._connection.wait(lambda m: self._answers(m, command, receipt), ACK_TIMEOUT_S)
-            if ack is not None:
-                return ack
-        return None
 
     def request_message(self, name: str, timeout_s: float) -> Message:
         """Have the robot send one message now and return it. Raises CommandRefusedError or LinkTimeoutError."""
@@ -110,9 +168,14 @@ class Commander:
         return arrived[-1]
 
 
+def _final(answers: list[Message]) -> Message | None:
+    """Return the first answer that is more than "temporarily rejected"."""
+    return next((answer for answer in answers if answer.result != _BUSY), None)
+
+
 def message_id(name: str) -> int:
-    """Return the id of the message called ``name``; raise ValueError if the dialect has none."""
+    """Return the id of the message called ``name``; raise SetpointError if the dialect has none."""
     for number, message in mavlink.mavlink_map.items():
         if message.msgname == name:
             return int(number)
-    raise ValueError(f"there is no MAVLink message {name} in the dialect")
+    raise SetpointError(f"there is no MAVLink message {name} in the dialect")

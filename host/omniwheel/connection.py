@@ -8,15 +8,15 @@ advances the simulation, the same code runs deterministically.
 from __future__ import annotations
 
 import os
+import struct
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from omniwheel.default_key import default_key
-from omniwheel.default_system import LAST_SYSTEM, RENAMED_AFTER_S
 from omniwheel.dialect import HUB_COMPONENT, Message, is_addressed, is_autopilot, mavlink, take_bytes, tells_time
-from omniwheel.errors import OmniError, SeveralRobotsError
+from omniwheel.errors import OmniError, SetpointError, SeveralRobotsError
 from omniwheel.link import Link
 from omniwheel.signing import Signer
 
@@ -39,7 +39,7 @@ def own_station() -> int:
     given = os.environ.get("OMNI_STATION", "")
     if not given:
         return GROUND_STATION_ID
-    if not (given.isdecimal() and 1 <= int(given) <= GROUND_STATION_ID):
+    if not (given.isdecimal() and len(given) <= 3 and 1 <= int(given) <= GROUND_STATION_ID):
         raise OmniError(f"OMNI_STATION is {given!r}; a station's number is 1 to 255", hint="take 255 downwards")
     return int(given)
 
@@ -82,8 +82,7 @@ class Connection:
         self.target_component = 0
         self.other_systems: set[int] = set()
         """System ids of other robots that are on the line, too; nothing here is for them."""
-        self._new_systems = range(0)
-        self._heard_s = float("-inf")
+        self._new_system = 0
         self.on_other_robot: Callable[[int], None] | None = None
         """Called with the system id of another robot when it is heard for the first time."""
         self.rx_bytes = 0
@@ -124,13 +123,20 @@ class Connection:
             self.next_heartbeat_s = before
 
     def send(self, message: Message) -> None:
-        """Send one message. Raises SeveralRobotsError for one that another robot on the line would take for its own."""
+        """Send one message.
+
+        Raises SeveralRobotsError for one that another robot on the line would take for its own, SetpointError for a
+        number that does not fit its field. Nothing is sent then.
+        """
         if self.other_systems and not is_addressed(message):
             systems = sorted({self.target_system, *self.other_systems})
             raise SeveralRobotsError(self.link.url, systems, message.get_type())
         if self.signer is not None:
             self.signer.before_sending(self._codec)
-        self._codec.send(message)
+        try:
+            self._codec.send(message)
+        except (struct.error, OverflowError) as error:  # while it packs the fields
+            raise SetpointError(f"a number of {message.get_type()} does not fit its field: {error}") from error
 
     def write_frame(self, frame: bytes) -> None:
         """Send and record one whole frame."""
@@ -206,7 +212,6 @@ class Connection:
             if self._is_renamed(message):
                 self.target_system = message.get_srcSystem()
             if self.is_from_robot(message):
-                self._heard_s = self.clock()
                 received.append(message)
                 self.hand_out(message)
             elif is_autopilot(message) or tells_time(message):
@@ -214,28 +219,23 @@ class Connection:
         return received
 
     @contextmanager
-    def following(self, system: int | None = None) -> Iterator[None]:
-        """Follow the robot to another system id while the context lasts: to ``system``, or to any that nobody else has.
+    def following(self, system: int) -> Iterator[None]:
+        """Follow the robot to another system id while the context lasts, for what sets SYS_ID.
 
-        For what changes SYS_ID: an answer from the new id is the robot's. To an id that is not known beforehand a
-        heartbeat counts only once the old id is silent.
+        What comes from the new id is the robot's, unless another robot has been heard there.
         """
-        self._new_systems = range(1, LAST_SYSTEM + 1) if system is None else range(system, system + 1)
+        self._new_system = system
         try:
             yield
         finally:
-            self._new_systems = range(0)
+            self._new_system = 0
 
     def _is_renamed(self, message: Message) -> bool:
         system = message.get_srcSystem()
-        if system not in self._new_systems or system in (self.target_system, *self.other_systems):
+        if system != self._new_system or system in (self.target_system, *self.other_systems):
             return False
-        if message.get_srcComponent() != self.target_component:
-            return False
-        if message.get_type() in ("PARAM_VALUE", "COMMAND_ACK"):
-            return True
-        known = len(self._new_systems) == 1 or self.clock() - self._heard_s > RENAMED_AFTER_S
-        return known and is_autopilot(message)
+        said_by_robot = message.get_type() in ("PARAM_VALUE", "COMMAND_ACK") or is_autopilot(message)
+        return said_by_robot and message.get_srcComponent() == self.target_component
 
     def _note_other(self, system: int) -> None:
         if system in (self.target_system, *self.other_systems):

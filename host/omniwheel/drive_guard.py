@@ -8,6 +8,7 @@ from collections.abc import Callable
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import StoppedError
+from omniwheel.hub import notices
 from omniwheel.status import RobotStatus
 from omniwheel.telemetry import Heartbeat, Status, StatusText
 from omniwheel.telemetry_parts import decode
@@ -17,11 +18,13 @@ LATE_S = 0.5
 """A text of before the arming may come so late after the robot has accepted it."""
 REASON_S = 0.1
 """The heartbeat that tells of an end comes first, then its reason."""
+STATE_S = 1.0
+"""... and the safety state, which tells a failsafe from a disarming; on a slow radio so much later."""
 _ENDED = "its drive has ended"
-"""How the robot, and the hub, refuse set-points of a drive that another station has ended."""
+"""How the robot refuses set-points of a drive that another station has ended."""
 _HELD = "held by station "
-_WHO = ("stopped by station ", _HELD, "hub: ")
-"""How the robot, and the hub, begin to say who stopped it."""
+_WHO = ("stopped by station ", _HELD)
+"""How the robot begins to say who stopped it."""
 
 
 class DriveGuard:
@@ -61,8 +64,13 @@ class DriveGuard:
             self._seen_armed = self._seen_armed or beat.armed
         elif status is not None:
             self._state = status.state
-        elif text is not None and self._accepted and self._connection.clock() - self._since_s > LATE_S:
-            self._held = self._held or text.text.startswith(_HELD)
+        elif text is not None and self._accepted:
+            self._held = self._held or self._tells_of_end(text.text)
+
+    def _tells_of_end(self, text: str) -> bool:
+        """Return whether a text ends this drive. Those of the hub keep their order, and so are never too late."""
+        late = self._connection.clock() - self._since_s <= LATE_S
+        return notices.ends_drive(text) or (text.startswith(_HELD) and not late)
 
     def begin(self) -> None:
         """Take note that this program asks the robot to arm."""
@@ -97,11 +105,12 @@ class DriveGuard:
 
     def _ending(self) -> StoppedError | None:
         """Return why the drive is over; None while it is not."""
-        stopped = self._state in ("failsafe", "estop")
-        if stopped or self._seen_disarmed:
+        if self._state in ("failsafe", "estop") or self._seen_disarmed:
             self._await_reason()
             who = self._who()
-            return self._stopped_itself() if stopped and not who else self._stopped_by_another(who)
+            if who or self._state == "disarmed":
+                return self._stopped_by_another(who)
+            return self._stopped_itself() if self._has_stopped_state() else _stopped_without_reason()
         if self._held or any(_ENDED in text.text for text in self._texts.since(self._mark)):
             return self.held()
         return None
@@ -109,33 +118,54 @@ class DriveGuard:
     def held(self) -> StoppedError:
         """Return the error of a drive that another station or program ended while the robot stays armed."""
         who = self._who()
-        by = f" ({who[-1]})" if who else ""
+        by = f" ({who})" if who else ""
         return StoppedError(
             f"another station or program held the robot or took the command{by}", hint="arm again to go on"
         )
 
-    def _who(self) -> list[str]:
-        return [text.text for text in self._texts.since(self._mark) if text.text.startswith(_WHO)]
+    def _who(self) -> str:
+        """Return the text that says who ended the drive, "" if none does.
+
+        One of the hub names a program, and so goes before one of the robot. Of each the last one counts.
+        """
+        texts = [text.text for text in self._texts.since(self._mark)]
+        by_hub = [text for text in texts if notices.names_program(text)]
+        by_robot = [text for text in texts if text.startswith(_WHO)]
+        return next(iter([*by_hub[-1:], *by_robot[-1:]]), "")
 
     def _await_reason(self) -> None:
         self._asking = True  # what is repeated meanwhile may check, too
         try:
+            if not self._has_stopped_state():
+                self._connection.wait(lambda _: self._has_stopped_state(), STATE_S)
             self._connection.pump(REASON_S)
         finally:
             self._asking = False
 
-    def _stopped_itself(self) -> StoppedError:
-        safety = self._status().safety
-        faults = ", ".join(safety.fault_history or safety.faults) if safety is not None else ""
-        hint = "`omni monitor` shows the faults; disarming clears the failsafe"
-        return StoppedError(f"the robot stopped by itself ({self._state}): {faults or 'no fault named'}", hint=hint)
+    def _has_stopped_state(self) -> bool:
+        return self._state not in (None, "armed")
 
-    def _stopped_by_another(self, who: list[str]) -> StoppedError:
-        stop = "an emergency stop is on" if self._state == "estop" else "it was disarmed"
+    def _faults(self) -> str:
+        safety = self._status().safety
+        return ", ".join(safety.fault_history or safety.faults) if safety is not None else ""
+
+    def _stopped_itself(self) -> StoppedError:
+        hint = "`omni monitor` shows the faults; disarming clears the failsafe"
+        why = self._faults() or "no fault named"
+        return StoppedError(f"the robot stopped by itself ({self._state}): {why}", hint=hint)
+
+    def _stopped_by_another(self, who: str) -> StoppedError:
+        ends = {"estop": "an emergency stop is on", "failsafe": f"it is in failsafe ({self._faults()})"}
         return StoppedError(
-            f"another station or program stopped the robot ({who[-1] if who else 'it is not said which'}): {stop}",
+            f"another station or program stopped the robot ({who or 'it is not said which'}): "
+            f"{ends.get(self._state or '', 'it was disarmed')}",
             hint="nothing arms it again by itself",
         )
+
+
+def _stopped_without_reason() -> StoppedError:
+    hint = "`omni monitor` shows its state; nothing arms it again by itself"
+    return StoppedError(f"the robot is not armed any more and sent no safety state within {STATE_S:g} s", hint=hint)
 
 
 def _accepts_arming(message: Message) -> bool:

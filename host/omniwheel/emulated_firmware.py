@@ -243,7 +243,7 @@ class _SerialPorts:
 
 def _split(link: str, address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
-    if not host or not port.isdigit() or int(port) > 65535:
+    if not host or not port.isdecimal() or len(port) > 5 or int(port) > 65535:
         raise FirmwareStartError(f"--link '{link}': HOST:PORT with a port 0..65535 is needed")
     return host, int(port)
 

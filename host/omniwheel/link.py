@@ -24,6 +24,9 @@ import serial
 from omniwheel.errors import LinkLostError, LinkOpenError, LinkUrlError
 
 DEFAULT_BAUD = 57600
+MOST_BAUD = 100_000_000
+"""Faster than any serial port; what it cannot do the system refuses."""
+LAST_PORT = 65535
 WRITE_TIMEOUT_S = 5.0
 _READ_SIZE = 65536
 _ALLOWED = "allowed are /dev/ttyACM0[,baud], COM3[,baud], tcp:host:port, udp:host:port, udpout:host:port"
@@ -73,16 +76,24 @@ def parse_url(url: str) -> LinkAddress:
     if not url or "://" in url or (colon and "/" not in scheme and not url.upper().startswith("COM")):
         raise LinkUrlError(f"cannot understand the link {url!r}", hint=_ALLOWED)
     device, comma, baud = url.partition(",")
-    if not device or (comma and not (baud.isdecimal() and int(baud) > 0)):
-        raise LinkUrlError(f"cannot understand the link {url!r}: the baud rate must be a whole number", hint=_ALLOWED)
+    if not device or (comma and not _is_number(baud, MOST_BAUD)):
+        raise LinkUrlError(
+            f"cannot understand the link {url!r}: the baud rate must be a whole number from 1 to {MOST_BAUD}",
+            hint=_ALLOWED,
+        )
     return LinkAddress("serial", device, int(baud) if comma else DEFAULT_BAUD)
+
+
+def _is_number(text: str, most: int) -> bool:
+    """Return whether this is a whole number from 1 to ``most``; Python converts no text of thousands of digits."""
+    return text.isdecimal() and len(text) <= len(str(most)) and 0 < int(text) <= most
 
 
 def _parse_network(url: str, kind: str, rest: str) -> LinkAddress:
     host, _, port = rest.rpartition(":")
-    if not host or "/" in host or not port.isdecimal() or not 0 < int(port) < 65536:
+    if not host or "/" in host or not _is_number(port, LAST_PORT):
         raise LinkUrlError(
-            f"cannot understand the link {url!r}: a host and a port from 1 to 65535 are needed", hint=_ALLOWED
+            f"cannot understand the link {url!r}: a host and a port from 1 to {LAST_PORT} are needed", hint=_ALLOWED
         )
     return LinkAddress(kind, host.strip("[]"), int(port))
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,7 @@ from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
 from omniwheel.logs.run_folder import DRIVE_TLOG, SUMMARY_FILE, load_run
+from omniwheel.pose_jumps import geometry_of, jumps_of, steps_of, without_jumps
 
 
 def open_log(
@@ -66,13 +68,14 @@ def read_run(folder: Path) -> WheelLog:
 def read_tlog(path: Path, robot: Robot, part: int | None = None) -> WheelLog:
     """Read a telemetry log: counts and voltages of OMNI_SAMPLE, else the speeds and duties of OMNI_WHEELS.
 
-    Truth are the pose fixes with the robot's time, else the robot's own estimate (OMNI_TRACKING). Of a log with a
+    Truth are the pose fixes with the robot's time, else the robot's own estimate (OMNI_TRACKING), which goes on from
+    where it was if it jumps. Of a log with a
     restart in it this ``part`` is read, else the longest one, as the log's name then says. Raises LogError,
     DatasetError.
     """
     messages, note = read_part(path, part)
     name = f"{path.stem} ({note})" if note else path.stem
-    truth = _fixes(messages) or _estimates(messages)
+    truth = _fixes(messages) or _estimates(messages, robot)
     if any(message.get_type() == "OMNI_SAMPLE" for message in messages):
         return _from_samples(name, messages, robot, truth)
     wheels = {m.time_boot_ms: m for m in messages if m.get_type() == "OMNI_WHEELS"}
@@ -116,8 +119,20 @@ def _fixes(messages: Sequence[Message]) -> Truth | None:
     return _truth({1e-6 * time: list(pose) for time, pose in fixes.items()})
 
 
-def _estimates(messages: Sequence[Message]) -> Truth | None:
-    return _truth({1e-3 * m.time_boot_ms: list(m.pose) for m in messages if m.get_type() == "OMNI_TRACKING"})
+def _estimates(messages: Sequence[Message], robot: Robot) -> Truth | None:
+    """Return the robot's own estimate without its jumps: only what it moved can be compared with the wheels' motion."""
+    truth = _truth({1e-3 * m.time_boot_ms: list(m.pose) for m in messages if m.get_type() == "OMNI_TRACKING"})
+    if truth is None:
+        return None
+    wheels = {1e-3 * m.time_boot_ms: list(m.speed) for m in messages if m.get_type() == "OMNI_WHEELS"}
+    wheel_time_s = np.array(sorted(wheels))
+    speed = np.array([wheels[time] for time in sorted(wheels)])
+    pose = np.column_stack((truth.xy, truth.theta))
+    steps = steps_of(truth.time_s, pose, wheel_time_s, speed, geometry_of(robot.parameter_values()))
+    if not steps.jumps.any():
+        return truth
+    pose = without_jumps(pose, np.flatnonzero(steps.jumps) + 1)
+    return replace(truth, xy=pose[:, :2], theta=pose[:, 2], jumps=tuple(jumps_of(truth.time_s, steps)))
 
 
 def _truth(poses: Mapping[float, list[float]]) -> Truth | None:

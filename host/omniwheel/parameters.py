@@ -7,7 +7,7 @@ eighth digit.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,8 @@ FEW = 4
 NOT_AN_INDEX = -1
 SYSTEM = "SYS_ID"
 """The robot answers with its new number as soon as it has one."""
+OTHERS_HEARD_S = 2.2
+"""Another robot on the line has sent two heartbeats by then."""
 
 Progress = Callable[[int, int], None]
 ParameterValue = float | str | bool
@@ -56,8 +58,15 @@ def checked_value(table: ParameterTable, name: str, value: ParameterValue) -> fl
     try:
         return table[name].parse("", name, value)
     except SchemaError as error:
-        problem = error.problem if "allowed" in error.problem else f"is {value!r}; allowed is {table[name].allowed}"
+        problem = error.problem
+        if "allowed" not in problem:
+            problem = f"{problem.partition(';')[0]}; allowed is {table[name].allowed}"
         raise ParameterRangeError(f"{name} {problem}", hint=table[name].doc) from error
+
+
+def without_system(values: Mapping[str, float]) -> dict[str, float]:
+    """Return the values of a parameter file that are loaded: all but the system id, which is of one robot only."""
+    return {name: value for name, value in values.items() if name != SYSTEM}
 
 
 class Parameters(MutableMapping[str, float]):
@@ -90,6 +99,7 @@ class Parameters(MutableMapping[str, float]):
         return self._by_name[name]
 
     def __setitem__(self, name: str, value: ParameterValue) -> None:
+        self._hear_others([name])
         self._set(name, self.check(name, value))
 
     def __delitem__(self, name: str) -> None:
@@ -190,7 +200,10 @@ class Parameters(MutableMapping[str, float]):
         """Return ``value`` as it would be sent; raise UnknownParameterError or ParameterRangeError."""
         if name not in self.table:
             self._require_known(name)
-            return as_float32(float(value))
+            try:
+                return as_float32(float(value))
+            except (OverflowError, ValueError) as error:
+                raise ParameterRangeError(f"{name}: a number that fits a float32 is needed") from error
         checked = checked_value(self.table, name, value)
         if name == SYSTEM and checked in self._connection.other_systems:
             raise ParameterRangeError(f"{name} {checked:g}: another robot on this line has it", hint="choose another")
@@ -203,6 +216,7 @@ class Parameters(MutableMapping[str, float]):
         after the others. If one stays refused, those already set get their old values back and ParameterRefusedError is
         raised.
         """
+        self._hear_others(values)
         wanted = {name: self.check(name, value) for name, value in values.items()}
         old = {name: self[name] for name in wanted}
         todo = {name: value for name, value in wanted.items() if value != old[name]}
@@ -211,6 +225,11 @@ class Parameters(MutableMapping[str, float]):
         except ParameterError:
             self._set_back({name: old[name] for name in todo if self._by_name.get(name) != old[name]})
             raise
+
+    def _hear_others(self, names: Iterable[str]) -> None:
+        """Listen for other robots on the line before this one gets another system id: it must not be one of theirs."""
+        if SYSTEM in names:
+            self._connection.pump(OTHERS_HEARD_S)
 
     def _set_in_any_order(self, todo: dict[str, float]) -> None:
         while todo:
@@ -278,8 +297,12 @@ class Parameters(MutableMapping[str, float]):
         parameter_file.write(path, dict(self.items()), self.table)
 
     def load(self, path: Path | str) -> dict[str, tuple[float, float]]:
-        """Set every parameter of a file, all or none; return those that changed as {name: (before, after)}."""
-        wanted = parameter_file.read(path, self.table)
+        """Set every parameter of a file, all or none; return those that changed as {name: (before, after)}.
+
+        The robot keeps its ``SYS_ID``: with that of another robot's file the two would be one on a shared line. To take
+        it over set it: ``robot.parameters["SYS_ID"] = 2``.
+        """
+        wanted = without_system(parameter_file.read(path, self.table))
         changes = self.diff(wanted)
         self.set_many({name: after for name, (_, after) in changes.items()})
         return changes

@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 
 from omni_schema import ParameterTable, load_parameters
-from omniwheel.burst import SIGNALS, Burst, parse_burst
+from omniwheel.burst import Burst, parse_burst
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
 from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count
-from omniwheel.commands import Commander, message_id
+from omniwheel.commands import CANCELLED, Commander, message_id
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_guard import DriveGuard
@@ -25,9 +25,17 @@ from omniwheel.hub.shared_link import open_shared
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.link import Link
 from omniwheel.log_download import LogDownload, Progress
-from omniwheel.parameters import SYSTEM, Parameters, checked_value
+from omniwheel.parameters import Parameters, checked_value
 from omniwheel.paths import params_path
-from omniwheel.setpoints import duty_target, finite, pose_fix_message, pose_target, velocity_target
+from omniwheel.setpoints import (
+    burst_request,
+    duty_target,
+    excitation_request,
+    finite,
+    pose_fix_message,
+    pose_target,
+    velocity_target,
+)
 from omniwheel.signing import Signer, fingerprint, setup_message
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import SigningStatus, TelemetryT, decode
@@ -36,8 +44,6 @@ from omniwheel.texts import TextLog
 FORCE = 21196.0
 """Param 2 of the arm/disarm command that MAVLink defines as "do it anyway"."""
 SETPOINT_PERIOD_S = 0.05
-PLACES = {"wheel": 1, "voltage": 2, "pose": 3}
-"""Where :meth:`Robot.excite` can add a signal, and its number in MAV_CMD_OMNI_EXCITE."""
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
@@ -178,8 +184,12 @@ class Robot:
         self.guard.begin()  # already now: Ctrl-C while the answer is on its way must disarm, too
         try:
             self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, what="to arm")
-        except ArmingRefusedError:
-            self.guard.end()
+        except ArmingRefusedError as error:
+            if error.result != CANCELLED:
+                self.guard.end()
+            else:
+                with suppress(OmniError):
+                    self.disarm()  # a copy may still be on its way to the robot: this comes behind it
             raise
 
     def disarm(self) -> None:
@@ -349,12 +359,7 @@ class Robot:
         ``wait`` the recording begins with the next experiment. A duration of 0 ends a recording early. Raises
         CommandRefusedError with the robot's reason, such as how much its memory holds.
         """
-        unknown = [name for name in signals if name not in SIGNALS]
-        if unknown:
-            raise ValueError(f"no signal is called {unknown[0]}; there are {', '.join(SIGNALS)}")
-        mask = float(sum(SIGNALS[name] for name in dict.fromkeys(signals)))
-        chosen = float(sum(1 << wheel for wheel in set(wheels)))
-        numbers = (finite("duration_s", duration_s), float(every), mask, chosen)
+        numbers = burst_request(duration_s, signals, every, wheels)
         self.commands.send(
             mavlink.MAV_CMD_OMNI_BURST, *numbers, what="to record a burst", last=(1.0 if wait else 0.0, 0.0)
         )
@@ -392,10 +397,9 @@ class Robot:
         a step, or a sine from ``from_hz`` to ``to_hz``. Only while armed. Raises CommandRefusedError with the robot's
         reason.
         """
-        numbers = [finite(name, value) for name, value in (("amplitude", amplitude), ("duration_s", duration_s))]
+        numbers = excitation_request(place, which, amplitude, duration_s)
         sweep = (finite("from_hz", from_hz), finite("to_hz", to_hz))
-        command = mavlink.MAV_CMD_OMNI_EXCITE
-        self.commands.send(command, float(PLACES[place]), float(which), *numbers, what="to excite a loop", last=sweep)
+        self.commands.send(mavlink.MAV_CMD_OMNI_EXCITE, *numbers, what="to excite a loop", last=sweep)
 
     def end_excitation(self) -> None:
         """End an excitation that goes on; nothing happens without one."""
@@ -410,11 +414,11 @@ class Robot:
             self.on_store()
 
     def restore(self) -> None:
-        """Read the parameters back from non-volatile memory."""
+        """Read the parameters back from non-volatile memory, except SYS_ID."""
         self._storage(_RESTORE, "to restore the stored parameters")
 
     def reset_parameters(self) -> None:
-        """Set all parameters to the robot file's values (not stored until :meth:`store`)."""
+        """Set all parameters but SYS_ID to the robot file's values (not stored until :meth:`store`)."""
         self._storage(_RESET, "to reset the parameters")
 
     # ---- message signing on the radio
@@ -442,11 +446,9 @@ class Robot:
         raise CommandRefusedError("the signing key", "DENIED", self.texts.reasons_since(mark))
 
     def _storage(self, action: int, what: str) -> None:
-        with self.connection.following():
-            self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
-            if action != _STORE:  # storing changes no value; else this may be another SYS_ID
-                self.parameters.forget()
-                self.parameters.read(SYSTEM)
+        self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)
+        if action != _STORE:  # storing changes no value
+            self.parameters.forget()
 
     def reboot(self) -> None:
         """Restart the firmware; refused while armed."""

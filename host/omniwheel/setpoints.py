@@ -7,6 +7,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+from omniwheel.burst import SIGNALS
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import SetpointError
@@ -14,6 +15,8 @@ from omniwheel.frames import Pose, Twist, flip
 
 _M = mavlink
 MAX_WHEELS = 4
+PLACES = {"wheel": 1, "voltage": 2, "pose": 3}
+"""Where an excitation can be added, and its number in MAV_CMD_OMNI_EXCITE."""
 _IGNORE_POSITION = _M.POSITION_TARGET_TYPEMASK_X_IGNORE | _M.POSITION_TARGET_TYPEMASK_Y_IGNORE
 _IGNORE_Z = _M.POSITION_TARGET_TYPEMASK_Z_IGNORE | _M.POSITION_TARGET_TYPEMASK_VZ_IGNORE
 _IGNORE_VELOCITY = _M.POSITION_TARGET_TYPEMASK_VX_IGNORE | _M.POSITION_TARGET_TYPEMASK_VY_IGNORE
@@ -34,13 +37,25 @@ _PER_UNIT = 1e4
 _ROUNDED = 1.0 / math.sqrt(12.0)
 """Standard deviation of what rounding takes away, in steps."""
 _TIME_MS_WRAP = 2**32
+_FLOAT32_MAX = float.fromhex("0x1.fffffep+127")
 
 
 def finite(name: str, value: float) -> float:
-    """Return ``value``; raise SetpointError if it is not a finite number."""
-    if not math.isfinite(value):
-        raise SetpointError(f"{name} is {value}; a finite number is needed")
-    return float(value)
+    """Return ``value``; raise SetpointError if it is not a finite number, or too large for MAVLink's float32."""
+    number = _finite_double(name, value)
+    if abs(number) > _FLOAT32_MAX:
+        raise SetpointError(f"{name} is {number:g}; at most {_FLOAT32_MAX:.4g} can be sent")
+    return number
+
+
+def _finite_double(name: str, value: float) -> float:
+    try:
+        number = float(value)
+    except OverflowError:  # a Python int may have any length
+        number = math.inf if value > 0 else -math.inf
+    if not math.isfinite(number):
+        raise SetpointError(f"{name} is {number}; a finite number is needed")
+    return number
 
 
 def _all_finite(values: Any) -> None:
@@ -85,6 +100,26 @@ def duty_target(connection: Connection, duty: Sequence[float]) -> Message:
         connection.target_system, connection.target_component, values
     )
     return message
+
+
+def burst_request(duration_s: float, signals: Sequence[str], every: int, wheels: Sequence[int]) -> list[float]:
+    """Return the first four parameters of MAV_CMD_OMNI_BURST."""
+    unknown = [name for name in signals if name not in SIGNALS]
+    if unknown:
+        raise SetpointError(f"no signal is called {unknown[0]}; there are {', '.join(SIGNALS)}")
+    if not set(wheels) <= set(range(MAX_WHEELS)):
+        raise SetpointError(f"wheels must be between 0 and {MAX_WHEELS - 1}")
+    mask = sum(SIGNALS[name] for name in dict.fromkeys(signals))
+    chosen = sum(1 << wheel for wheel in set(wheels))
+    return [finite("duration_s", duration_s), finite("every", every), float(mask), float(chosen)]
+
+
+def excitation_request(place: str, which: int, amplitude: float, duration_s: float) -> list[float]:
+    """Return the first four parameters of MAV_CMD_OMNI_EXCITE."""
+    if place not in PLACES:
+        raise SetpointError(f"nothing can be excited at {place!r}; there are {', '.join(PLACES)}")
+    numbers = [finite("which", which), finite("amplitude", amplitude), finite("duration_s", duration_s)]
+    return [float(PLACES[place]), *numbers]
 
 
 def _target(connection: Connection, frame: int, mask: int, pose: Pose, twist: Twist) -> Message:
@@ -132,7 +167,7 @@ def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta
 
 def _known(name: str, sd: float) -> bool:
     """Whether a standard deviation is known: above 0. Raises SetpointError for what is none."""
-    if finite(name, sd) < 0.0:
+    if _finite_double(name, sd) < 0.0:
         raise SetpointError(f"{name} is {sd:g}; a standard deviation is not negative. 0: not known")
     return sd > 0.0
 

@@ -37,7 +37,8 @@ class TableFormat:
 
     ``needed`` and ``optional`` are the columns in their documented order; without any, all names are allowed and there
     has to be a heading line. ``delimiter`` None: semicolons or tabs if there are some, else commas. ``comments``: lines
-    with # are passed over, but for one before the numbers that names the columns, as numpy.savetxt writes it.
+    with # are passed over, but for one before the numbers that names the columns, as numpy.savetxt writes it, with any
+    separator between the names.
     """
 
     error: type[OmniError]
@@ -83,30 +84,49 @@ _Row = tuple[int, list[str]]
 def _rows(path: Path, wanted: TableFormat) -> tuple[list[_Row], _Row | None]:
     """Return the rows, and the comment before them that names columns, if there is one."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-        delimiter = wanted.delimiter or next((sign for sign in ";\t" if sign in text), ",")
-        reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True, strict=True)
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+        comments = [
+            (number, line) for number, line in enumerate(lines, start=1) if wanted.comments and _is_comment(line)
+        ]
+        for number, _ in comments:
+            lines[number - 1] = ""
+        delimiter = wanted.delimiter or next((sign for sign in ";\t" if any(sign in line for line in lines)), ",")
+        reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True, strict=True)
         rows = [(reader.line_num, [cell.strip() for cell in row]) for row in reader]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
         raise wanted.wrong(f"{path}: cannot be read: {reason}") from error
     rows = [(line, row) for line, row in rows if any(row)]
-    if not wanted.comments:
+    if not rows:
         return rows, None
-    content = [(line, row) for line, row in rows if not row[0].startswith("#")]
-    first_line = content[0][0] if content else 0
-    before = [(line, _without_sign(row)) for line, row in rows if row[0].startswith("#") and line < first_line]
-    return content, next((row for row in before if _names_columns(row[1], len(content[0][1]), wanted)), None)
+    first_line, first = rows[0]
+    before = [(number, line.lstrip("# \t")) for number, line in reversed(comments) if number < first_line]
+    named = ((number, _names_in(text, delimiter, len(first), wanted)) for number, text in before)
+    return rows, next(((number, names) for number, names in named if names is not None), None)
 
 
-def _without_sign(row: Sequence[str]) -> list[str]:
-    return [row[0].lstrip("# \t"), *row[1:]]
+def _is_comment(line: str) -> bool:
+    return line.lstrip().startswith("#")
 
 
-def _names_columns(cells: Sequence[str], count: int, wanted: TableFormat) -> bool:
-    """Say whether a comment has as many cells as a row, and a column's name in one of them."""
+def _names_in(comment: str, delimiter: str, count: int, wanted: TableFormat) -> list[str] | None:
+    """Return what a comment names the columns, for a table of ``count`` columns; None if it is about something else.
+
+    It is about them if all of its words are names of columns, whatever is between these, perhaps with units. Or it has
+    as many cells as a row, and a column's name in one of them. What it says may be wrong: then the names are, too.
+    """
     known = {*wanted.needed, *wanted.optional}
-    return len(cells) == count > 1 and any(word in known for cell in cells for word in re.findall(r"\w+", cell.lower()))
+    words = re.findall(r"\w+", comment)
+    if words and all(word.lower() in known for word in words):
+        return words
+    for sign in (delimiter, *",;\t|"):
+        cells = [cell.strip() for cell in comment.split(sign)]
+        if len(cells) == count > 1 and any(word.lower() in known for word in words):
+            return cells
+    without_units = re.findall(r"\w+", re.sub(r"\[.*?\]|\(.*?\)", " ", comment))
+    if without_units and all(word.lower().split("_")[0] in known for word in without_units):
+        return [comment.strip()]
+    return None
 
 
 def _is_heading(row: Sequence[str]) -> bool:

@@ -48,4 +48,5 @@ class TextLog:
         return self._reasons(mark)
 
     def _reasons(self, mark: int) -> tuple[str, ...]:
-        return tuple(text.text for text in self.since(mark) if text.severity < _QUIET_SEVERITY)
+        texts = (text.text for text in self.since(mark) if text.severity < _QUIET_SEVERITY)
+        return tuple(dict.fromkeys(texts))  # what is tried again is refused again

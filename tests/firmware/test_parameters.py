@@ -141,6 +141,41 @@ def test_stored_parameters_come_back_and_reset_forgets_them_in_use_only(tmp_path
 
 
 @pytest.mark.pc_only
+@pytest.mark.parametrize("stored", [5, None], ids=["another stored", "nothing stored"])
+@pytest.mark.parametrize("action", [LOAD, RESET])
+def test_a_robot_keeps_its_system_id_when_all_values_are_replaced(
+    tmp_path: Path, action: int, stored: int | None
+) -> None:
+    """Another robot on the line may have the number that it would go back to."""
+    storage = storage_arguments(tmp_path / "eeprom")
+    with lockstep_robot(*storage) as robot:
+        own = robot.get("ISMC_LAM_XY")
+        if stored is not None:
+            rename(robot, stored)
+            assert storage_command(robot, SAVE, stored) == mav.MAV_RESULT_ACCEPTED
+        rename(robot, 7)
+        robot.mav.param_set_send(7, 1, b"ISMC_LAM_XY", 7.5, mav.MAV_PARAM_TYPE_REAL32)
+        assert storage_command(robot, action, 7) == mav.MAV_RESULT_ACCEPTED
+        robot.mav.param_request_read_send(7, 1, b"ISMC_LAM_XY", -1)
+        answer = robot.wait_for(lambda m: m.get_type() == "PARAM_VALUE" and m.param_value == own, "not replaced")
+        assert answer.get_srcSystem() == 7
+        assert storage_command(robot, SAVE, 7) == mav.MAV_RESULT_ACCEPTED
+    with lockstep_robot(*storage) as robot:
+        robot.mav.param_request_read_send(0, 0, b"SYS_ID", -1)
+        assert robot.wait("PARAM_VALUE", param_id="SYS_ID").param_value == 7
+
+
+def rename(robot: Client, system: int) -> None:
+    robot.mav.param_set_send(0, 0, b"SYS_ID", system, mav.MAV_PARAM_TYPE_REAL32)
+    assert robot.wait("PARAM_VALUE", param_id="SYS_ID").get_srcSystem() == system
+
+
+def storage_command(robot: Client, action: int, system: int) -> int:
+    robot.mav.command_long_send(system, 1, STORAGE, 0, action, *[0.0] * 6)
+    return int(robot.wait("COMMAND_ACK", command=STORAGE).result)
+
+
+@pytest.mark.pc_only
 def test_a_power_cut_at_any_byte_leaves_the_old_or_the_new_set(tmp_path: Path) -> None:
     path = tmp_path / "eeprom"
     storage = storage_arguments(path)

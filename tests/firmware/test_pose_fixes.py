@@ -55,6 +55,13 @@ def compact(place: Place, time_us: int = 0, spread: list[float] = NONE) -> bytes
 KINDS: dict[str, Callable[..., bytes]] = {"vicon": vicon, "mocap": mocap, "compact": compact}
 
 
+def all_zero(kind: str) -> bytes:
+    """What a tracker without its object says; of an attitude, that nothing is turned."""
+    if kind == "mocap":
+        return frame("att_pos_mocap", 0, [1, 0, 0, 0], 0, 0, 0, NONE)
+    return KINDS[kind]((0.0, 0.0, 0.0))
+
+
 @pytest.fixture
 def robot() -> Iterator[FakeRobot]:
     one = FakeRobot().ready()
@@ -195,6 +202,44 @@ def test_a_sensor_that_says_one_pose_while_the_robot_drives_is_not_believed(robo
     robot.tick(2)
     after = robot.asked("OMNI_CONTROL")
     assert after.fixes_accepted + after.fixes_refused == before.fixes_accepted + before.fixes_refused
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("place", [(0.4, 0.0, 0.0), (0.0, -0.03, 0.0), (0.0, 0.0, 0.5)])
+def test_a_lost_trackers_zeros_do_not_move_a_robot_that_holds(robot: FakeRobot, kind: str, place: Place) -> None:
+    put(robot, place)
+    robot.armed()
+    before = robot.asked("OMNI_CONTROL")
+    for _ in range(60):
+        robot.send(USB, HEARTBEAT, all_zero(kind))
+        robot.tick(20)
+    assert any(text.startswith("pose fix refused: ") for text in robot.texts())
+    after = robot.asked("OMNI_CONTROL")
+    assert (after.fixes_accepted, after.fixes_refused) == (before.fixes_accepted, before.fixes_refused)
+    assert estimate(robot) == pytest.approx(place, abs=1e-3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_zeros_without_noise_are_used_while_the_robot_stands_there(robot: FakeRobot, kind: str) -> None:
+    put(robot, (0.01, -0.01, 0.01))
+    robot.tick(100)  # a fix without a time is taken for older than it is
+    before = robot.asked("OMNI_CONTROL").fixes_accepted
+    for _ in range(10):
+        robot.send(USB, all_zero(kind))
+        robot.tick(5)
+    assert robot.asked("OMNI_CONTROL").fixes_accepted == before + 10
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_pose_that_is_zero_in_two_numbers_is_a_measurement(robot: FakeRobot, axis: int) -> None:
+    place = [0.0, 0.0, 0.0]
+    place[axis] = 0.3
+    put(robot, (place[0], place[1], place[2]))
+    robot.tick(100)
+    before = robot.asked("OMNI_CONTROL").fixes_accepted
+    robot.send(USB, vicon((place[0], place[1], place[2])))
+    robot.tick(5)
+    assert robot.asked("OMNI_CONTROL").fixes_accepted == before + 1
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])

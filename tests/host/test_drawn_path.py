@@ -89,6 +89,13 @@ def test_the_preview_is_what_the_core_plans() -> None:
         "# y,x\n0.5,0\n0.2,1\n",
         "# a line, drawn by hand, slowly\n# y; x\n0.5; 0\n0.2; 1\n",
         "# a line, drawn by hand\n0,0.5\n# y,x\n1,0.2\n",
+        "# y x\n0.5,0\n0.2,1\n",
+        "# y | x\n0.5,0\n0.2,1\n",
+        "# y\tx\n0.5,0\n0.2,1\n",
+        "# y;x\n0.5,0\n0.2,1\n",
+        "#(y / x)\n0.5;0\n0.2;1\n",
+        "# x y, as they were drawn\n# y x\n0.5,0\n0.2,1\n",
+        "# by hand; slowly\n0,0.5\n1,0.2\n",
         "\ufeffy,x\r\n0.5,0\r\n\r\n0.2,1\r\n\r\n",
     ],
 )
@@ -118,6 +125,13 @@ def test_the_heading_line_says_which_column_is_what_and_without_one_x_comes_firs
         ("x\n0\n1\n", ":1: .*y"),
         ("# x [m], y [m]\n0,0\n1,1\n", r":1: .*'x \[m\]'"),
         ("# t,x\n0,0\n1,1\n", ":1: .*'t'"),
+        ("# y [mm] x [mm]\n0,0\n1,1\n", ":1: "),
+        ("# y (m) | x (m)\n0,0\n1,1\n", ":1: "),
+        ("# y_m x_m\n0,0\n1,1\n", ":1: "),
+        ("# Y X\n0,0\n1,1\n", ":1: .*'Y'"),
+        ("# x\n0,0\n1,1\n", ":1: .*y"),
+        ("# x x\n0,0\n1,1\n", ":1: .*'x'"),
+        ("# x y x\n0,0\n1,1\n", ":1: .*'x'"),
     ],
 )
 def test_a_file_that_is_no_line_is_refused(tmp_path: Path, text: str, words: str) -> None:

@@ -17,9 +17,11 @@ from omniwheel.identification.live import excite
 from omniwheel.tuning import Experiment
 from tests.host import stepped
 from tests.host.conftest import FakeRobot
+from tests.hub.behind import BehindHub
 
 AFTER_S = 0.5
 LONG_S = 30.0
+PROGRAM = "omni monitor (9)"
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 STOPS = {
     "disarm": (ARM, 0.0, 0.0),
@@ -43,12 +45,21 @@ def follow_rose(robot: Robot) -> None:
 
 
 class Another:
-    """Another station on the same line, which stops the robot half a second after it has armed."""
+    """Another station on the same line, which stops the robot half a second after it has armed.
+
+    With a hub it is another program there. To the robot it is the same station: all of ours have the same ids.
+    """
 
     def __init__(self, robot: Robot, stop: str) -> None:
         self.stopped_s: float | None = None
         self._robot, self._stop = robot, STOPS[stop]
         self._codec = mavlink.MAVLink(None, 254, 190)
+        link = robot.connection.link
+        self._write: Callable[[bytes], object] = link.write
+        if isinstance(link, BehindHub):
+            hub, number = link.hub, link.hub.join(PROGRAM)
+            self._codec = mavlink.MAVLink(None, 255, 190)
+            self._write = lambda frame: hub.from_client(number, bytes(frame))
         self._armed_s: float | None = None
         robot.connection.add_listener(self._hear)
 
@@ -61,7 +72,7 @@ class Another:
             connection = self._robot.connection
             target = (connection.target_system, connection.target_component)
             command = mavlink.MAVLink_command_long_message(*target, self._stop[0], 0, *self._stop[1:], *[0.0] * 5)
-            connection.link.write(command.pack(self._codec))
+            self._write(command.pack(self._codec))
 
 
 @pytest.fixture
@@ -70,9 +81,21 @@ def robot() -> Iterator[Robot]:
         yield robot
 
 
+@pytest.fixture
+def behind_hub() -> Iterator[Robot]:
+    with stepped.robot(end_s=120.0) as url:
+        link = BehindHub(stepped.connect(url).connection.link, "omni drive (1)")
+        with connect(link, clock=link.clock_s) as robot:
+            yield robot
+
+
 @pytest.mark.parametrize("stop", STOPS)
 @pytest.mark.parametrize("drive", DRIVES)
-def test_a_drive_that_another_station_stops_is_over(robot: Robot, drive: str, stop: str) -> None:
+@pytest.mark.parametrize(("link", "who"), [("robot", "254/190"), ("behind_hub", PROGRAM)])
+def test_a_drive_that_another_station_stops_is_over(
+    request: pytest.FixtureRequest, link: str, who: str, drive: str, stop: str
+) -> None:
+    robot: Robot = request.getfixturevalue(link)
     another = Another(robot, stop)
     if drive not in SELF_ARMING:
         robot.arm()
@@ -81,7 +104,7 @@ def test_a_drive_that_another_station_stops_is_over(robot: Robot, drive: str, st
     assert isinstance(caught.value, StoppedError) or isinstance(caught.value.__cause__, StoppedError)
     assert another.stopped_s is not None
     assert robot.connection.clock() - another.stopped_s < 1.5
-    assert "254/190" in str(caught.value)
+    assert who in str(caught.value)
     if stop != "hold":
         robot.pump(0.5)
         assert not robot.status.armed
@@ -94,19 +117,27 @@ def test_set_points_may_be_sent_before_arming(robot: Robot) -> None:
     assert robot.status.armed
 
 
+ARMED_STATE, FAILSAFE_STATE = 2, 3
+
+
 def status_of(state: int) -> Any:
     return mavlink.MAVLink_omni_status_message(0, 0, 0, 0, 0, 0, 0, 0, 0.0, 0.0, state, 0)
+
+
+def heartbeat(*, armed: bool) -> Any:
+    mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
+    return mavlink.MAVLink_heartbeat_message(10, mavlink.MAV_AUTOPILOT_GENERIC, mode, 0, 3, 3)
 
 
 def test_what_the_robot_said_before_it_was_armed_is_no_stop(fake: FakeRobot) -> None:
     """A radio brings the state every five seconds: what is known then is the failsafe from before."""
     with connect(fake, clock=fake.clock) as robot:
-        fake.send(status_of(3))
+        fake.send(status_of(FAILSAFE_STATE))
         robot.pump(0.1)
         assert robot.status.state == "failsafe"
         robot.arm()
         robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 1.0)
-        fake.send(status_of(3))
+        fake.send(status_of(FAILSAFE_STATE))
         with pytest.raises(StoppedError):
             robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 1.0)
 
@@ -120,3 +151,53 @@ def test_a_new_arming_begins_a_new_drive(robot: Robot) -> None:
     robot.arm()
     robot.drive_velocity(0.1, 0.0, 0.0, 1.0)
     assert robot.status.armed
+
+
+@pytest.mark.parametrize("link", ["robot", "behind_hub"])
+def test_a_failsafe_is_nobodys_stop(request: pytest.FixtureRequest, link: str) -> None:
+    """The hub says at once that nobody commands any more: that is a consequence."""
+    robot: Robot = request.getfixturevalue(link)
+    robot.arm()
+    robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), 1.0)
+    with pytest.raises(StoppedError) as caught:
+        robot.repeat(lambda: None, 5.0)
+    assert robot.status.safety is not None
+    faults = robot.status.safety.fault_history
+    assert faults
+    assert all(fault in str(caught.value) for fault in faults)
+
+
+def test_a_failsafe_is_none_either_if_the_safety_state_comes_late(fake: FakeRobot) -> None:
+    """As over a radio: the heartbeat says first that the robot is not armed."""
+    with connect(fake, clock=fake.clock) as robot:
+        robot.arm()
+        fake._next_heartbeat_s = float("inf")  # its own say that it is not armed
+        fake.send(heartbeat(armed=True))
+        fake.send(status_of(ARMED_STATE))
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 1.0)
+        fake.send(heartbeat(armed=False))
+        late_s = fake.now_s + 0.6
+
+        def drive() -> None:
+            if fake.now_s > late_s:
+                fake.send(status_of(FAILSAFE_STATE))
+
+        with robot.connection.repeating(drive, 0.1), pytest.raises(StoppedError, match="failsafe"):
+            robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 2.0)
+
+
+def test_another_program_that_has_taken_the_command_ends_a_drive(behind_hub: Robot) -> None:
+    """Its own program was silent for so long that the hub gave the command away."""
+    link = behind_hub.connection.link
+    assert isinstance(link, BehindHub)
+    behind_hub.parameters.download()
+    behind_hub.parameters.set_many({"SAFE_CMD_TO": 30.0, "SAFE_LINK_TO": 30.0})
+    behind_hub.arm()
+    behind_hub.repeat(lambda: behind_hub.set_velocity(0.0, 0.0, 0.0), 1.0)
+    other, codec = link.hub.join(PROGRAM), mavlink.MAVLink(None, 255, 190)
+    with behind_hub.connection.without_heartbeats():
+        behind_hub.pump(4.0)
+    arm = mavlink.MAVLink_command_long_message(1, 1, ARM, 0, 1.0, *[0.0] * 6)
+    link.hub.from_client(other, bytes(arm.pack(codec)))
+    with pytest.raises(StoppedError, match="omni monitor"):
+        behind_hub.repeat(lambda: behind_hub.set_velocity(0.1, 0.0, 0.0), 1.0)

@@ -160,3 +160,10 @@ def test_a_station_that_is_none_is_refused(monkeypatch: pytest.MonkeyPatch, give
     monkeypatch.setenv("OMNI_STATION", given)
     with pytest.raises(OmniError):
         Connection(_Written())  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("digits", ["9" * 23, "9" * 5000], ids=["23 digits", "5000 digits"])
+@pytest.mark.parametrize("url", ["/dev/ttyS0,{}", "tcp:localhost:{}", "udp:localhost:{}"])
+def test_a_number_that_no_port_has_is_refused(url: str, digits: str) -> None:
+    with pytest.raises(LinkUrlError):
+        parse_url(url.format(digits))

@@ -16,6 +16,7 @@ from omniwheel.cli import app
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ParameterRangeError, ParameterRefusedError
 from omniwheel.hub.followed import FollowedRobot
+from tests.host.shared_line import shared_line
 from tests.host.two_robots import FIRST, SECOND, TwoRobots
 
 GIVEN = {"SYS_ID": 2.0, "MOT_R": 2.75}
@@ -53,27 +54,53 @@ def test_the_rest_of_a_line_is_set_and_stored(url: str) -> None:
 
 
 @pytest.mark.full
-def test_another_robots_file_is_loaded_whole_and_taken_back(url: str, tmp_path: Path) -> None:
-    file = tmp_path / "other.toml"
-    file.write_text("[parameters]\nSYS_ID = 2\nMOT_R = 2.75\n", encoding="utf-8")
+def test_a_number_that_was_set_is_taken_back(url: str) -> None:
     with connect(url) as robot:
         old = values(robot)
-    assert set(omni("params", "load", str(file), "--link", url)) == set(GIVEN)
+    assert set(omni("params", "set", "SYS_ID=2", "MOT_R=2.75", "--link", url)) == set(GIVEN)
     assert set(omni("params", "undo", "--link", url)) == set(GIVEN)
     with connect(url) as robot:
         assert values(robot) == old
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("take_back", [Robot.reset_parameters, Robot.restore])
-def test_a_robot_is_followed_to_the_number_that_it_had(url: str, take_back: Any) -> None:
+def test_another_robots_file_is_loaded_without_its_number(url: str, tmp_path: Path) -> None:
+    file = tmp_path / "other.toml"
+    file.write_text("[parameters]\nSYS_ID = 2\nMOT_R = 2.75\n", encoding="utf-8")
+    assert set(omni("params", "load", str(file), "--link", url)) == {"MOT_R"}
+    said = CliRunner().invoke(app, ["params", "load", str(file), "--link", url]).output
+    assert "SYS_ID=2" in said, "how it gets the number"
+    with connect(url) as robot:
+        assert values(robot) == pytest.approx({"SYS_ID": 1.0, "MOT_R": 2.75})
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("replace", [Robot.reset_parameters, Robot.restore])
+def test_a_robot_keeps_its_number_when_its_values_are_replaced(url: str, replace: Any) -> None:
     with connect(url) as robot:
         old = values(robot)
         robot.parameters.set_many(GIVEN)
         assert values(robot) == pytest.approx(GIVEN)
-        take_back(robot)
-        assert values(robot) == old
-        assert robot.connection.target_system == old["SYS_ID"]
+        replace(robot)
+        assert values(robot) == {**old, "SYS_ID": GIVEN["SYS_ID"]}
+
+
+@pytest.mark.full
+def test_a_reset_leaves_two_robots_on_a_line_two() -> None:
+    with shared_line([1, 2]) as line:
+        assert "SYS_ID" not in omni("params", "reset", "--system", "2", "--link", line.url)
+        with connect(line.url, system_id=1) as robot:
+            robot.pump(1.5)
+            assert robot.connection.other_systems == {2}
+
+
+@pytest.mark.full
+def test_the_number_of_a_robot_that_was_not_heard_yet_is_refused() -> None:
+    with shared_line([1, 2]) as line:
+        result = CliRunner().invoke(app, ["params", "reset", "SYS_ID", "--system", "2", "--link", line.url])
+        assert result.exit_code == 2, result.output
+        with connect(line.url, system_id=2) as robot:
+            assert robot.parameters.read("SYS_ID") == 2
 
 
 @pytest.mark.full

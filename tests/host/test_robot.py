@@ -316,3 +316,38 @@ def test_a_recording_opens_in_pymavlink_and_is_the_same_every_time(
     assert counts["PARAM_VALUE"] == len(fake_robot().values)
     assert counts["COMMAND_ACK"] == 2
     assert "BAD_DATA" not in counts
+
+
+HUGE = 10**400
+"""A Python int of any length is a number, too."""
+BEYOND: dict[str, Any] = {
+    "rate": lambda robot: robot.set_message_interval("OMNI_WHEELS", 1e-300),
+    "message": lambda robot: robot.set_message_interval("NO_SUCH", 1.0),
+    "pose estimate": lambda robot: robot.set_pose_estimate(1e300, 0.0, 0.0),
+    "velocity": lambda robot: robot.set_velocity(1e300, 0.0, 0.0),
+    "int velocity": lambda robot: robot.set_velocity(HUGE, 0.0, 0.0),
+    "pose": lambda robot: robot.set_pose(1e300, 0.0, 0.0),
+    "pose fix": lambda robot: robot.send_pose_fix(1e300, 0.0, 0.0),
+    "deviation of a fix": lambda robot: robot.send_pose_fix(0.0, 0.0, 0.0, sd_xy_m=HUGE),
+    "time of a fix": lambda robot: robot.send_pose_fix(0.0, 0.0, 0.0, time_us=2**70),
+    "waypoint": lambda robot: robot.set_waypoints([(0.0, 1e300, 0.0)]),
+    "burst": lambda robot: robot.start_burst(1e300),
+    "burst's samples": lambda robot: robot.start_burst(1.0, every=HUGE),
+    "burst's signal": lambda robot: robot.start_burst(1.0, ["no such"]),
+    "burst's wheel": lambda robot: robot.start_burst(1.0, wheels=[-1]),
+    "excitation": lambda robot: robot.excite("wheel", HUGE, 1.0, 1.0),
+    "excitation's place": lambda robot: robot.excite("nowhere", 1, 1.0, 1.0),
+    "parameter": lambda robot: robot.parameters.set_many({"LIM_V": HUGE}),
+    "long parameter": lambda robot: robot.parameters.set_many({"LIM_V": 10**5000}),
+    "trajectory": lambda robot: robot.start_trajectory("circle", laps=HUGE),
+    "any message": lambda robot: robot.send(mavlink.MAVLink_ping_message(2**70, 0, 0, 0)),
+}
+
+
+@pytest.mark.parametrize("name", BEYOND)
+def test_a_number_that_fits_nowhere_is_an_error_of_ours_and_sends_nothing(fake: Any, robot: Robot, name: str) -> None:
+    fake.received.clear()
+    with pytest.raises(OmniError):
+        BEYOND[name](robot)
+    sent = {message.get_type() for message in fake.received} - {"HEARTBEAT", "PARAM_REQUEST_READ"}
+    assert not sent

@@ -5,10 +5,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from omniwheel.dialect import mavlink
+from omniwheel.dialect import HUB_COMPONENT, TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
 from omniwheel.hub.core import Hub, HubSettings
 from omniwheel.signing import Signer
 
+TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
 ARM = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
 DENIED, ACCEPTED = mavlink.MAV_RESULT_DENIED, mavlink.MAV_RESULT_ACCEPTED
 LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -71,16 +72,29 @@ class Station:
         return [message.result for message in self.got("COMMAND_ACK") if message.command == number]
 
 
+def _is_look(message: Any) -> bool:
+    if message.get_srcComponent() != HUB_COMPONENT:
+        return False
+    asks = message.get_type() == "COMMAND_LONG" and (message.command, message.param1) == (TRIAL, TRIAL_ASK)
+    return asks or message.get_type() == "PARAM_REQUEST_READ"
+
+
 class Bench:
-    """Hub, robot and clock. ``sent`` is what went to the robot: (second, message)."""
+    """Hub, robot and clock. ``sent`` is what went to the robot: (second, message).
+
+    ``looks`` are apart: what the hub itself asks of a robot that it begins to serve. ``everything`` is both.
+    """
 
     def __init__(self, settings: HubSettings = WIDE, signer: Signer | None = None, *, opened: bool = True) -> None:
         self.now_s = 0.0
         self.hub = Hub(settings, lambda: self.now_s, signer)
         self.sent: list[tuple[float, Any]] = []
+        self.looks: list[tuple[float, Any]] = []
+        self.everything: list[Any] = []
         self.frames: list[tuple[float, bytes]] = []
         self.stations: list[Station] = []
         self.answers = True
+        self.trial_goes_on = False
         self._robot: Any = mavlink.MAVLink(self, 1, 1)
         self._parser: Any = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
@@ -126,7 +140,8 @@ class Bench:
             while frame := self.hub.to_port():
                 self.frames.append((self.now_s, frame))
                 for message in self._parser.parse_buffer(frame) or ():
-                    self.sent.append((self.now_s, message))
+                    self.everything.append(message)
+                    (self.looks if _is_look(message) else self.sent).append((self.now_s, message))
                     self._answer(message)
             for station in self.stations:
                 station.collect()
@@ -137,7 +152,19 @@ class Bench:
 
             whom = (message.get_srcSystem(), message.get_srcComponent())
             receipt = receipt_of(message)
-            self.robot_sends(mavlink.MAVLink_command_ack_message(message.command, ACCEPTED, 0, receipt, *whom))
+            if message.command == TRIAL and message.target_system != self._robot.srcSystem:
+                return
+            result = self._try_parameters(message.param1) if message.command == TRIAL else ACCEPTED
+            self.robot_sends(mavlink.MAVLink_command_ack_message(message.command, result, 0, receipt, *whom))
+
+    def _try_parameters(self, action: float) -> int:
+        """Answer as firmware/app/parameter_trial.cpp does to the link of the trial."""
+        accepted, denied = int(ACCEPTED), int(DENIED)
+        refused = {TRIAL_BEGIN: self.trial_goes_on, TRIAL_KEEP: not self.trial_goes_on, TRIAL_BACK: False}
+        if refused.get(action, not self.trial_goes_on):
+            return denied
+        self.trial_goes_on = action in (TRIAL_BEGIN, TRIAL_ASK)
+        return accepted
 
     def names(self) -> list[str]:
         """Return the names of what went to the robot."""

@@ -71,7 +71,7 @@ def run(duration_s: float, seed: int, *, signed: bool = False) -> Result:
         bench.run(0.001)
         for at_s, frame in bench.frames[written:]:
             line.put(frame, at_s)
-            message = bench.sent[written][1]
+            message = bench.everything[written]
             stop = message.get_type() == "COMMAND_LONG" and message.command == STOP
             if stop:
                 stops.append(line.waiting_s - asked_s)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import Any
 
 import pytest
 
@@ -45,6 +46,7 @@ def test_a_program_that_asks_for_too_much_is_told_and_still_served(crowded: Resu
     assert crowded.read > 10
 
 
+NAN_HOLD = mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP
 SLOW = HubSettings("radio", 480.0, 100.0)
 
 
@@ -97,7 +99,42 @@ def test_a_command_said_again_while_it_waits_goes_out_once() -> None:
     assert len(bench.commands(ARM)) == 1
 
 
-NAN_HOLD = mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP
+def at_robot(system: int, number: int, value: float) -> Any:
+    message = command(number, value)
+    message.target_system = system
+    return message
+
+
+@pytest.mark.parametrize("flood", [ARM, NAN_HOLD, mavlink.MAV_CMD_OMNI_ESTOP], ids=["disarm", "hold", "e-stop"])
+@pytest.mark.parametrize("stop", [ARM, NAN_HOLD, mavlink.MAV_CMD_OMNI_ESTOP], ids=["disarm", "hold", "e-stop"])
+def test_one_programs_stops_for_many_robots_hold_back_no_other_programs_stop(stop: int, flood: int) -> None:
+    bench = Bench(SLOW)
+    bench.answers = False
+    many, other = bench.join("many"), bench.join("other")
+    values = {mavlink.MAV_CMD_OMNI_ESTOP: 1.0}
+    for system in range(2, 255):
+        many.send(at_robot(system, flood, values.get(flood, 0.0)))
+    bench.run(0.01)
+    other.send(at_robot(1, stop, values.get(stop, 0.0)))
+    asked_s = bench.now_s
+    bench.run(60.0, 0.005)
+    (sent_s,) = [at_s for at_s, message in bench.sent if message.target_system == 1]
+    assert sent_s - asked_s < 1.0
+    assert sorted(message.target_system for _, message in bench.sent) == list(range(1, 255)), "no stop is lost"
+
+
+def test_stops_of_as_many_programs_take_turns() -> None:
+    bench = Bench(SLOW)
+    bench.answers = False
+    stations = [bench.join(f"station {at}") for at in range(3)]
+    for at, station in enumerate(stations):
+        for system in range(2, 12):
+            station.send(at_robot(20 * at + system, ARM, 0.0))
+    bench.run(20.0, 0.005)
+    senders = [message.target_system // 20 for _, message in bench.sent]
+    assert all(set(senders[at : at + 3]) == {0, 1, 2} for at in range(0, 30, 3))
+
+
 URGENT = [(mavlink.MAV_CMD_OMNI_ESTOP, 1.0), (mavlink.MAV_CMD_DO_FLIGHTTERMINATION, 1.0), (ARM, 0.0)]
 
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 import pytest
 
 from omniwheel.dialect import mavlink
+from omniwheel.hub import notices
 from omniwheel.hub.in_command import ENDED_PAUSE_S, IDLE_S, PAUSE_S
 from omniwheel.hub.outbox import STALE_S
 from tests.hub.bench import ACCEPTED, ARM, DENIED, LATER, Bench, Station, beat, command, set_point
@@ -361,3 +362,63 @@ def test_another_robot_that_is_armed_is_kept_going_by_its_own_driver_only(first:
     heard = [message.get_srcSystem() for _, message in bench.sent if message.get_type() == "HEARTBEAT"]
     assert heard.count(255) >= 6
     assert 254 not in heard
+
+
+@pytest.mark.parametrize("name", STOPS)
+def test_who_drives_is_told_which_program_ended_its_drive_and_that_its_set_points_are_refused(name: str) -> None:
+    bench, first, second = driven()
+    second.inbox.clear()
+    second.send(STOPS[name])
+    bench.run()
+    assert [text for text in first.texts() if "second" in text and notices.ends_drive(text)]
+    assert not [text for text in second.texts() if notices.ends_drive(text)], "its own"
+    first.inbox.clear()
+    first.send(set_point())
+    bench.run()
+    assert [text for text in first.texts() if notices.ends_drive(text)]
+
+
+def test_a_robot_that_stops_by_itself_is_no_programs_doing() -> None:
+    bench, first, _ = driven()
+    bench.robot_is(armed=False)
+    bench.run()
+    assert bench.hub.command.holder is None
+    assert not [text for text in first.texts() if notices.ends_drive(text)]
+
+
+def test_a_stop_of_another_robot_ends_no_drive_and_takes_nothing_away() -> None:
+    bench, first, second = driven()
+    bench.answers = False
+    bench.sent.clear()
+    first.send(set_point(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, count=5))
+    for number, value in ((ARM, 0.0), (mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP, 0.0), (mavlink.MAV_CMD_OMNI_ESTOP, 1.0)):
+        stop = command(number, value)
+        stop.target_system = 2
+        second.send(stop)
+    bench.run()
+    assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names()
+    first.send(set_point(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, count=5))
+    bench.run()
+    assert bench.hub.command.holder == first.number
+    assert bench.names().count("SET_POSITION_TARGET_LOCAL_NED") == 2
+    assert len(bench.commands(mavlink.MAV_CMD_OMNI_TRAJECTORY_START)) == 2
+    assert not [text for text in first.texts() if notices.ends_drive(text)]
+    everybody = command(ARM, 0.0)
+    everybody.target_system = 0
+    second.send(everybody)
+    bench.run()
+    assert bench.hub.command.holder is None
+
+
+def test_a_stop_ends_the_drive_of_a_program_that_was_silent_for_a_while() -> None:
+    """Its robot waits longer for it than the hub does, and it would go on after the stop."""
+    bench, first, second = driven()
+    bench.run(2 * IDLE_S, 0.1)
+    assert bench.hub.command.holder is None
+    second.send(STOPS["hold"])
+    bench.run()
+    bench.sent.clear()
+    first.send(set_point())
+    bench.run()
+    assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
+    assert [text for text in first.texts() if notices.ends_drive(text)]

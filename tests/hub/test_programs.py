@@ -13,6 +13,7 @@ import pytest
 
 from omniwheel import Robot, connect
 from omniwheel.errors import CommandRefusedError, LinkOpenError
+from omniwheel.telemetry import Sample, decode
 from tests.host.test_mavproxy import MavProxy
 from tests.hub.parts import PROGRAM, WAIT_S, Cable, omni
 from tests.waiting import wait_until
@@ -92,6 +93,29 @@ def test_the_first_goes_on_driving_while_the_hub_takes_the_port(cable: Cable) ->
         assert denied.returncode == 1
         assert first.status.armed
         first.disarm()
+
+
+@pytest.mark.full
+def test_the_rates_that_the_first_asked_for_outlast_those_of_another_program_at_the_hub(cable: Cable) -> None:
+    def samples() -> int:
+        return sum(sample is not None for sample in heard)
+
+    heard: list[Sample | None] = []
+    with (
+        connect(str(cable.path)) as first,
+        omni("link", "--link", str(cable.path), "--listen", "tcp:127.0.0.1:0", "--json", first_line=False) as (hub, _),
+    ):
+        first.connection.add_listener(lambda message: heard.append(decode(Sample, message)))
+        first.set_message_interval("OMNI_SAMPLE", 10.0)
+        wait_until(lambda: samples() > 2, "samples come", pause=lambda: first.pump(0.1))
+        url = shared_by_now(first).split()[-1]
+        with connect(url) as second:
+            second.set_message_interval("OMNI_SAMPLE", 50.0)
+            first.pump(1.0)
+        first.pump(3.0)  # the hub has asked the robot for what is left
+        heard.clear()
+        wait_until(lambda: samples() > 2, "samples still come", pause=lambda: first.pump(0.1))
+        assert hub.poll() is None
 
 
 def test_a_port_that_a_stranger_has_is_refused_as_ever(cable: Cable) -> None:

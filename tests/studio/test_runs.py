@@ -76,7 +76,10 @@ def test_a_log_begins_at_zero_and_has_its_changes_and_events_as_marks(tmp_path: 
     assert trace.value[RATE_HZ] == pytest.approx(math.sin(1.0))
     marks = log.marks()
     assert [(mark["changes"], round(mark["time_s"])) for mark in marks if mark["changes"]] == [({GAIN: [4.0, 5.0]}, 10)]
-    assert [(mark["text"], mark["time_s"]) for mark in marks if "text" in mark] == [("state armed", 1.0)]
+    texts = [(mark["text"], round(mark["time_s"], 1)) for mark in marks if "text" in mark]
+    assert texts[0] == ("state armed", 1.0)
+    assert len(texts) == 3, "the log's spike is a jump of the pose there and one back"
+    assert all("jumped" in text and time_s == 6.7 for text, time_s in texts[1:])
 
 
 def test_a_spike_is_never_lost_however_little_of_a_long_log_is_kept(

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +15,7 @@ from omniwheel.robots import find_robot_file, read_robot
 
 if TYPE_CHECKING:
     from omniwheel.logs.calibration import Calibration
+    from omniwheel.logs.log import WheelLog
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{LOG_KINDS}.")]
 RobotOption = Annotated[str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot's name or file.")]
@@ -53,3 +55,25 @@ def robot_and_calibration(
     beside = calibration_path(find_robot_file(name))
     path = calibration if calibration is not None else (beside if beside.is_file() and not no_calibration else None)
     return robot, None if path is None else load_calibration(path, robot.wheels), path
+
+
+SMALLEST_SHARE = 1e-3
+"""Below it a share would be rounded to 0.0 %, though a single row may be what matters."""
+
+
+def shares_of(shares: Iterable[float], rows: int) -> str:
+    """Return shares of a log's rows in percent, and small ones as the number of rows."""
+    return ", ".join(
+        f"{round(share * rows)} of {rows} rows" if 0.0 < share < SMALLEST_SHARE else f"{100.0 * share:.1f} %"
+        for share in shares
+    )
+
+
+MOST_JUMPS = 5
+
+
+def jumps_of_truth(log: WheelLog) -> list[str]:
+    """Say where the robot's own estimate, which is a log's truth, jumps; nothing if it does not."""
+    jumps = () if log.truth is None else log.truth.jumps
+    said = [f"at {jump.time_s:.2f} s {jump.text}: it goes on from where it was" for jump in jumps[:MOST_JUMPS]]
+    return [*said, f"it jumped {len(jumps)} times in all"] if len(jumps) > MOST_JUMPS else said

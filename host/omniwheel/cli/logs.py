@@ -19,7 +19,9 @@ from omniwheel.cli.log_options import (
     NoCalibrationOption,
     RobotOption,
     TruthOption,
+    jumps_of_truth,
     robot_and_calibration,
+    shares_of,
 )
 from omniwheel.limits import ALIGN_WITHIN_S
 from omniwheel.logs.mapping import read_mapping
@@ -53,7 +55,7 @@ def import_command(
     if as_json:
         print_json({"file": str(out), **asdict(summary), **_facts(imported)})
         return
-    shares = ", ".join(f"{100.0 * share:.1f} %" for share in summary.rejected_share)
+    shares = shares_of(summary.rejected_share, summary.rows)
     noise = ", ".join(f"{value:.1f}" for value in summary.noise_counts)
     tells = ", ".join(f"{value:+.2f}" for value in summary.noise_correlation)
     over = "sample" if imported.sample_s > 0.0 else "period"
@@ -67,7 +69,7 @@ def import_command(
         f"rad/s each; correlation with the next count's: {tells}"
     )
     if max(summary.outlier_share) > max(summary.rejected_share):
-        outliers = ", ".join(f"{100.0 * share:.1f} %" for share in summary.outlier_share)
+        outliers = shares_of(summary.outlier_share, summary.rows)
         console.print(
             f"outliers kept, as counts add up: {outliers} (more than {OUTLIER_SD:g} robust standard deviations from "
             "their neighbours). If the encoder misreads, reject them: threshold under \\[spikes] in the mapping"
@@ -79,6 +81,11 @@ def import_command(
         console.print(
             f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s: "
             "what it says there is not measured"
+        )
+    for time in summary.counter_restarts_s:
+        console.print(
+            f"[yellow]the wheels' counters restarted at {time:.2f} s:[/] they are counted on from zero, and what the "
+            "wheels turned until then since the row before is lost"
         )
     for time in summary.heading_restarts_s:
         console.print(f"[yellow]the heading sensor restarted at {time:.2f} s:[/] what it turned until then is lost")
@@ -133,6 +140,8 @@ def align_command(
     if as_json:
         print_json(asdict(found))
         return
+    for text in jumps_of_truth(run_log):
+        console.print(f"[yellow]{text}[/]", soft_wrap=True)
     console.print(
         f"clock offset {found.offset_s:+.2f} s ({found.offset_low_s:+.2f} to {found.offset_high_s:+.2f} s fit "
         f"within 5 %)\n"

@@ -211,13 +211,24 @@ def load(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Set the parameters of a file or preset, all or none, and show what changed."""
+    """Set the parameters of a file or preset, all or none, and show what changed.
+
+    The robot keeps its number on the line, SYS_ID. `omni params set SYS_ID=2` gives it another one.
+    """
+    from omniwheel.parameters import SYSTEM
+
     path = find_parameter_file(file)
-    parameter_file.read(path, parameter_table())
+    system = parameter_file.read(path, parameter_table()).get(SYSTEM)
     with wanted.open() as robot:
         keep_history(robot, why)
         _download(robot, wanted.as_json)
         changes = robot.parameters.load(path)
+        if system not in (None, robot.parameters[SYSTEM]):
+            note(
+                f"the robot keeps {SYSTEM} {robot.parameters[SYSTEM]:g}; "
+                f"`omni params set {SYSTEM}={system:g}` gives it that of the file",
+                quiet=wanted.as_json,
+            )
         keep_over_restart(robot, store, wanted.as_json)
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
@@ -302,7 +313,10 @@ def reset(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Set all parameters back to the robot's own file, or the named ones to their defaults."""
+    """Set all parameters back to the robot's own file, or the named ones to their defaults.
+
+    The robot keeps its number on the line, SYS_ID, unless it is named. Another robot may have the default.
+    """
     with wanted.open() as robot:
         keep_history(robot, why)
         before = _download(robot, wanted.as_json)

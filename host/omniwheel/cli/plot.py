@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -79,7 +80,7 @@ def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None) 
     draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)
     if json_wanted:
         document = {"picture": str(target), "numbers": record.numbers(), "events": len(record.events)}
-        document |= {"notes": list(record.notes)}
+        document |= {"pose_jumps": [asdict(jump) for jump in record.jumps], "notes": list(record.notes)}
         print_json(with_old_key(document, "picture"))
     else:
         console.print(f"{escape(str(target))}: {in_words(record.numbers())}")

@@ -20,7 +20,9 @@ from omniwheel.cli.log_options import (
     PartOption,
     RobotOption,
     TruthOption,
+    jumps_of_truth,
     robot_and_calibration,
+    shares_of,
 )
 from omniwheel.cli.options import PLOT
 
@@ -115,7 +117,7 @@ def replay_command(
     if as_json:
         print_json(facts)
         return
-    _print(facts)
+    _print(facts, run_log)
 
 
 def _facts(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Alignment | None) -> dict[str, Any]:
@@ -125,6 +127,7 @@ def _facts(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Alignment 
 
     x, y, theta = (float(value) for value in run.pose[-1])
     facts: dict[str, Any] = {"log": log.name, "rows": len(log.time_s), "end_pose": [x, y, theta]}
+    facts["truth_jumps"] = [] if log.truth is None else [asdict(jump) for jump in log.truth.jumps]
     if aligned is not None:
         facts |= {
             "rms_m": aligned.rms_m,
@@ -146,7 +149,7 @@ def _facts(log: WheelLog, run: Replay, fixed: Replay | None, aligned: Alignment 
     return facts
 
 
-def _print(facts: dict[str, Any]) -> None:
+def _print(facts: dict[str, Any], log: WheelLog) -> None:
     console.print(
         f"{facts['log']}: {facts['rows']} rows, calibration: {facts['calibration'] or 'none'}", soft_wrap=True
     )
@@ -155,11 +158,13 @@ def _print(facts: dict[str, Any]) -> None:
     console.print(f"dead reckoning on {by} ends at ({x:+.3f} m, {y:+.3f} m, {theta:+.3f} rad)")
     dropped = facts["dropped_counts"]
     if dropped is not None:
-        shares = ", ".join(f"{100.0 * share:.1f} %" for share in dropped["share"])
+        shares = shares_of(dropped["share"], facts["rows"])
         console.print(
             f"[yellow]counts dropped as spikes per wheel: {shares}.[/] With every count as logged the path would be "
             f"up to {dropped['moved_m']:.3f} m and {math.degrees(dropped['turned_rad']):.1f}° from this one"
         )
+    for text in jumps_of_truth(log):
+        console.print(f"[yellow]{text}[/]", soft_wrap=True)
     if "rms_m" not in facts:
         console.print("no truth to compare with")
         return

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, timezone
 from pathlib import Path
 from types import TracebackType
@@ -17,12 +17,12 @@ from omniwheel.drive_log.picture import draw_telemetry
 from omniwheel.drive_log.record import TelemetryRecord, read_record
 from omniwheel.errors import LogError, OmniError, OutputFileError
 from omniwheel.link import parse_url
-from omniwheel.logs.run_folder import DRIVE_TLOG, new_run_folder
+from omniwheel.logs.run_folder import DRIVE_PARAMETERS, DRIVE_TLOG, new_run_folder
 from omniwheel.robot import Robot
 from omniwheel.tlog import TlogWriter
 
 DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", DRIVE_TLOG, "run.png"
-BEFORE_FILE, AFTER_FILE = "parameters.toml", "parameters_after.toml"
+BEFORE_FILE, AFTER_FILE = DRIVE_PARAMETERS, "parameters_after.toml"
 SLOW_BAUD = 57_600
 """Below this, reading all parameters would hold the drive up for many seconds: those that are known are kept."""
 CONTROLLER = "CTL_MODE"
@@ -144,6 +144,7 @@ def _document(drive: Drive, table: ParameterTable, record: TelemetryRecord | Non
         "end": drive.end,
         "link": drive.link,
         "numbers": {} if record is None else record.numbers(),
+        "pose_jumps": [] if record is None else [asdict(jump) for jump in record.jumps],
         "stops": [] if record is None else list(record.stops),
         "events": [] if record is None else [{"time_s": time, "what": what} for time, what in record.events],
         "parameters_changed": {

@@ -13,6 +13,7 @@ from typing import Any
 
 from omniwheel import parameter_file
 from omniwheel.drive_log.folder import BEFORE_FILE, DRIVE_FILE
+from omniwheel.drive_log.picture import jumps_in_words
 from omniwheel.errors import LogError, ParameterFileError
 from omniwheel.logs.run_folder import SUMMARY_FILE
 from omniwheel.robots import parameter_table
@@ -27,6 +28,7 @@ UNITS = (
     ("top_speed_m_s", "top speed [m/s]", 1.0),
     ("top_wheel_rad_s", "top wheel speed [rad/s]", 1.0),
     ("full_duty_share", "time at full duty [%]", 100.0),
+    ("pose_jumps", "jumps of the pose estimate", 1.0),
 )
 """Numbers of a run: key, heading with unit, factor to that unit."""
 _HEADLINE = ("duration_s", "position_rmse_m", "heading_rmse_rad", "top_speed_m_s")
@@ -92,7 +94,7 @@ def different_parameters(one: RunEntry, other: RunEntry) -> dict[str, tuple[floa
 def headline(entry: RunEntry) -> list[str]:
     """Return the figures that a list of runs shows, in words."""
     known = [(title, _scaled(entry, key, factor)) for key, title, factor in UNITS if key in _HEADLINE]
-    return [_fact(title, value) for title, value in known if value is not None]
+    return [*(_fact(title, value) for title, value in known if value is not None), *jumps_in_words(entry.numbers)]
 
 
 def _fact(title: str, value: float) -> str:

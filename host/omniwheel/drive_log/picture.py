@@ -48,9 +48,14 @@ def in_words(numbers: Mapping[str, float | None]) -> str:
         ("heading_rmse_rad", 1e3, "heading RMSE {:.2f} mrad"),
         ("top_speed_m_s", 1.0, "at most {:.2f} m/s"),
     )
-    return ", ".join(
-        text.format(value * factor) for key, factor, text in parts if (value := numbers.get(key)) is not None
-    )
+    words = [text.format(value * factor) for key, factor, text in parts if (value := numbers.get(key)) is not None]
+    return ", ".join((*words, *jumps_in_words(numbers)))
+
+
+def jumps_in_words(numbers: Mapping[str, float | None]) -> list[str]:
+    """Return how often the pose estimate jumped, which is no motion; nothing if it did not."""
+    count = numbers.get("pose_jumps")
+    return [f"pose estimate jumped {count:.0f} times" if count != 1.0 else "pose estimate jumped once"] if count else []
 
 
 def _parted(rows: Array, borders: NDArray[np.int64]) -> Array:
@@ -59,7 +64,7 @@ def _parted(rows: Array, borders: NDArray[np.int64]) -> Array:
 
 
 def _draw_path(axes: Any, record: TelemetryRecord) -> None:
-    borders = record.borders(record.time_s)
+    borders = record.pose_borders()
     axes.plot(*_parted(record.reference[:, :2], borders).T, color=WANTED, linewidth=4.0, alpha=0.55, label="wanted")
     axes.plot(*_parted(record.pose[:, :2], borders).T, color=TRUTH, linewidth=1.2, label="the robot's estimate")
     if len(record.pose):
@@ -70,7 +75,7 @@ def _draw_path(axes: Any, record: TelemetryRecord) -> None:
 
 
 def _draw_errors(position: Any, heading: Any, record: TelemetryRecord, start: float) -> None:
-    borders = record.borders(record.time_s)
+    borders = record.pose_borders()
     times = _parted(record.time_s - start, borders)
     error = _parted(record.pose - record.reference, borders)
     position.plot(times, 1e3 * error[:, 0], color=TRUTH, label="x")

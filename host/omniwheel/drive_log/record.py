@@ -5,22 +5,29 @@ from __future__ import annotations
 
 import math
 from array import array
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from omniwheel import parameter_file
 from omniwheel.dialect import Message, is_autopilot
-from omniwheel.errors import DatasetError, LogError
+from omniwheel.errors import DatasetError, LogError, ParameterFileError
 from omniwheel.identification.sources import iterate_messages, iterate_part
+from omniwheel.logs.run_folder import DRIVE_PARAMETERS, DRIVE_TLOG
+from omniwheel.pose_jumps import Geometry, PoseJump, Steps, geometry_of, jumps_of, steps_of
+from omniwheel.robots import parameter_table
 from omniwheel.telemetry import Control, Heartbeat, Status, StatusText, Tracking, Wheels, decode
 from omniwheel.tlog_reader import ROBOT_COMPONENT, PartReader, RobotClock, TlogReader, recorded_s
 
 Array = NDArray[np.float64]
 FULL_DUTY = 0.99
+MOST_NOTES = 5
+"""Jumps of the pose estimate of which each is said by itself."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,8 @@ class TelemetryRecord:
     sent with the robot's time. ``events``: what happened, in words. ``stops``: names of the faults that stopped it.
     ``starts``: times between the parts of the log, because the robot restarted or nothing was heard of it. No number is
     taken across. After a restart the clock goes on a second later here. ``notes``: what has to be said of the log.
+    ``geometry`` is the robot's, as far as it is known: what its wheels can move it by. Where the pose estimate jumps
+    further (``jumps``) no number is taken across either, and a heading goes on unwrapped from there.
     """
 
     time_s: Array
@@ -45,6 +54,20 @@ class TelemetryRecord:
     stops: tuple[str, ...]
     starts: tuple[float, ...] = ()
     notes: tuple[str, ...] = ()
+    geometry: Geometry = field(default_factory=Geometry)
+
+    @cached_property
+    def steps(self) -> Steps:
+        """What lies between each row of the pose and the next."""
+        return steps_of(self.time_s, self.pose, self.wheel_time_s, self.speed, self.geometry)
+
+    @cached_property
+    def jumps(self) -> tuple[PoseJump, ...]:
+        """Where the pose estimate jumps within a part of the log."""
+        joined = np.ones(max(len(self.time_s) - 1, 0), dtype=np.bool_)
+        borders = self.borders(self.time_s)
+        joined[borders[(borders > 0) & (borders < len(self.time_s))] - 1] = False
+        return tuple(jumps_of(self.time_s, self.steps, joined))
 
     @property
     def wheels(self) -> int:
@@ -56,15 +79,25 @@ class TelemetryRecord:
         """Return the rows of some of its times at which another part begins."""
         return np.unique(np.searchsorted(times, np.array(self.starts)))
 
+    def pose_borders(self) -> NDArray[np.int64]:
+        """Return the rows of the pose at which another part begins, or to which the estimate jumped."""
+        places = np.array([*self.starts, *(jump.time_s for jump in self.jumps)])
+        return np.unique(np.searchsorted(self.time_s, places))
+
     def numbers(self) -> dict[str, float | None]:
-        """Return how the drive was; None where nothing was recorded that says so."""
+        """Return how the drive was; None where nothing was recorded that says so.
+
+        The distance and the speed are those that the wheels can have moved the robot by: what a pose fix moves the
+        estimate by is no motion.
+        """
         error = self.pose - self.reference
-        joined = np.setdiff1d(np.arange(len(self.time_s) - 1), self.borders(self.time_s) - 1)
-        steps = np.hypot(*np.diff(self.pose[:, :2], axis=0).T)[joined] if len(joined) else np.zeros(0)
-        times = np.diff(self.time_s)[joined] if len(joined) else np.zeros(0)
-        speeds = steps[times > 0.0] / times[times > 0.0]
+        rows = np.arange(len(self.time_s) - 1)
+        lasts = self.steps.time_s[np.setdiff1d(rows, self.borders(self.time_s) - 1)]
+        joined = np.setdiff1d(rows, self.pose_borders() - 1)
+        steps = np.minimum(self.steps.distance_m, self.steps.reach_m)[joined]
+        speeds = steps / self.steps.time_s[joined]
         return {
-            "duration_s": float(np.sum(times)) if len(times) else None,
+            "duration_s": float(np.sum(lasts)) if len(lasts) else None,
             "way_m": float(np.sum(steps)) if len(steps) else None,
             "position_rmse_m": _rms(np.hypot(error[:, 0], error[:, 1])),
             "heading_rmse_rad": _rms(error[:, 2]),
@@ -72,6 +105,7 @@ class TelemetryRecord:
             "top_speed_m_s": float(np.max(speeds)) if len(speeds) else None,
             "top_wheel_rad_s": float(np.max(np.abs(self.speed))) if len(self.speed) else None,
             "full_duty_share": float(np.mean(np.abs(self.duty) >= FULL_DUTY)) if len(self.duty) else None,
+            "pose_jumps": float(len(self.jumps)) if len(self.time_s) else None,
         }
 
 
@@ -87,7 +121,8 @@ def read_record(path: Path, part: int | None = None) -> TelemetryRecord:
     reader = TlogReader(path)
     parts = PartReader(iterate_messages(reader))
     try:
-        record = record_of(iterate_messages(reader) if part is None else iterate_part(parts, path, part))
+        messages = iterate_messages(reader) if part is None else iterate_part(parts, path, part)
+        record = record_of(messages, parameters_beside(path))
     except DatasetError as error:
         hint = "give a .tlog file, as `omni record` and `omni drive` write it"
         raise LogError(str(error), hint=error.hint if part is not None else hint) from error
@@ -97,8 +132,22 @@ def read_record(path: Path, part: int | None = None) -> TelemetryRecord:
     return replace(record, notes=tuple(note for note in said if note))
 
 
-def record_of(messages: Iterable[Message]) -> TelemetryRecord:
-    """Return the record of messages in the order in which they came."""
+def parameters_beside(log: Path) -> dict[str, float]:
+    """Return what the drive began with, if the log lies in a run's folder; else nothing."""
+    if log.name != DRIVE_TLOG:
+        return {}
+    try:
+        return dict(parameter_file.read(log.with_name(DRIVE_PARAMETERS), parameter_table()))
+    except ParameterFileError:
+        return {}
+
+
+def record_of(messages: Iterable[Message], parameters: Mapping[str, float] | None = None) -> TelemetryRecord:
+    """Return the record of messages in the order in which they came.
+
+    ``parameters`` of the robot, as far as they are known; else those that are among the messages count.
+    """
+    known = dict(parameters or {})
     tracking, wheels = _Rows(1 + 3 + 3), _Rows(1 + 3 * 4)
     watcher, clock, system, others = EventWatcher(), RobotClock(), 0, set()
     for message in messages:
@@ -121,6 +170,8 @@ def record_of(messages: Iterable[Message]) -> TelemetryRecord:
                 wheels.add(time_s, turned.speed_rad_s, turned.reference_rad_s, turned.duty)
         else:
             watcher.take(message)
+            if message.get_type() == "PARAM_VALUE":
+                known[str(message.param_id)] = float(message.param_value)
     poses, turns = tracking.in_order(), wheels.in_order()
     notes = [f"another part of the log begins at {time_s:.1f} s: {why}" for time_s, why in clock.starts]
     notes += [f"what robot {number} says is left out" for number in sorted(others)]
@@ -136,10 +187,24 @@ def record_of(messages: Iterable[Message]) -> TelemetryRecord:
         stops=tuple(watcher.stops),
         starts=tuple(time_s for time_s, _ in clock.starts),
         notes=tuple(notes),
+        geometry=geometry_of(known),
     )
-    for rows in np.split(np.arange(len(poses)), record.borders(record.time_s)):
+    for rows in np.split(np.arange(len(poses)), record.pose_borders()):
         _unwrap(record.pose, record.reference, rows)
-    return record
+    return _with_jumps_said(record)
+
+
+def _with_jumps_said(record: TelemetryRecord) -> TelemetryRecord:
+    """Return a record whose events and notes name the jumps of the pose estimate."""
+    if not record.jumps:
+        return record
+    events = [*record.events, *((jump.time_s, jump.text) for jump in record.jumps)]
+    notes = [
+        f"at {jump.time_s:.2f} s {jump.text}: no motion is counted across that" for jump in record.jumps[:MOST_NOTES]
+    ]
+    if len(record.jumps) > MOST_NOTES:
+        notes.append(f"it jumped {len(record.jumps)} times in all")
+    return replace(record, events=tuple(sorted(events, key=lambda event: event[0])), notes=(*record.notes, *notes))
 
 
 class _Rows:

@@ -6,47 +6,46 @@ The rules for people are in docs/guides/hub.md.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import HUB_COMPONENT, TRIAL_BACK, Message, is_autopilot, mavlink, take_bytes
-from omniwheel.hub import wire
+from omniwheel.dialect import TRIAL_ASK, Message, is_autopilot, mavlink, take_bytes
+from omniwheel.hub import notices, wire
 from omniwheel.hub.client import Client
 from omniwheel.hub.followed import FollowedRobot
 from omniwheel.hub.in_command import InCommand
 from omniwheel.hub.outbox import NEWEST_COUNTS, Outbox, Waiting
+from omniwheel.hub.own_messages import OwnMessages
 from omniwheel.hub.parameter_requests import ParameterRequests
-from omniwheel.hub.pending import Pending, Question
+from omniwheel.hub.pending import Pending
 from omniwheel.hub.rules import (
     HANDED_OVER,
     HELLO,
+    NOBODY,
     Kind,
+    Stop,
     is_command,
     is_disarm,
     kind_of,
     receipt_of,
     source_of,
+    stop_of,
     target_of,
     wish_of,
 )
 from omniwheel.hub.streams import Streams
-from omniwheel.hub.trials import Trials
+from omniwheel.hub.trials import TIMEOUT, Trials
 from omniwheel.signing import Signer
 
-HUB_SYSTEM = 255
 NAME_CHARACTERS = 25
 """Of a client's name in a status text."""
-NOBODY = -1
-"""The hub itself, where a client's number is asked for."""
 HEARTBEAT_S = 0.9
 """While nobody commands, the robot hears one heartbeat of a station in this time, whichever client sends it."""
 RESTART_MS = 1000
 """A clock that goes back by more than this is a restart."""
-OWN_TRY_S = 1.0
-OWN_TRIES = 10
 _TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
 _ACCEPTED, _DENIED = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED
 _LATER = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
@@ -88,16 +87,14 @@ class Hub:
         self._signer = signer
         self._stamp = None if signer is None else wire.Stamp(signer)
         self._port: Any = self._new_parser()
-        self._own: Any = mavlink.MAVLink(None, HUB_SYSTEM, HUB_COMPONENT)
-        self._own_s = float("-inf")
-        self._own_number = 0
-        self._own_tries: Counter[tuple[int, float]] = Counter()
+        self._own = OwnMessages()
         self._robot = FollowedRobot(settings.system_id)
         self._boot_ms = 0
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}
         self._handed_over: int | None = None
-        self._trials = Trials(clock, lambda: self._send_own(_TRIAL, (TRIAL_BACK,), Kind.OTHER), NOBODY)
+        self._trials = Trials(clock, self._send_trial)
+        self._is_new_robot = True
         self._next = 1
 
     # ---- clients
@@ -117,7 +114,6 @@ class Hub:
         self._outbox.forget(number)
         self._pending.forget(number)
         self.streams.leave(number)
-        self._own_s = float("-inf")
         self._say(f"{client.name} has gone")
         self._trials.leave(number)
         if self.command.leave(number):
@@ -137,8 +133,7 @@ class Hub:
         self.is_open = True
         self._port = self._new_parser()
         self.streams.restart()
-        self._own_tries.clear()
-        self._own_s = float("-inf")
+        self._is_new_robot = True
         if not quiet:
             self.announce_open()
 
@@ -222,7 +217,12 @@ class Hub:
         elif kind is Kind.HEARTBEAT:
             self._beat(client, message)
         elif kind is Kind.INTERVAL and (wish := wish_of(message)) is not None:
-            self._interval(client, message, *wish)
+            if self.streams.is_new(client.number, *wish, set(self.clients), now_s):
+                self._ask(client, message, Kind.INTERVAL)
+            else:
+                self._acknowledge(client, message, _ACCEPTED)  # somebody wants as much or more, and gets it
+        elif kind is Kind.STREAM:
+            self.streams.group(client.number, message)
         elif self._is_new(client, message, kind) and self._may_try(client, message):
             self._ask(client, message, kind)
 
@@ -231,6 +231,8 @@ class Hub:
         name = text.removeprefix(HANDED_OVER if handed_over else HELLO)
         client.name = "".join(character for character in name if character.isprintable())[:NAME_CHARACTERS]
         self._say(f"{client.name} is here")
+        if handed_over:
+            self._trials.had_port(client.number)
         if handed_over and self.command.may_move(client.number, self._clock(), stream=False):
             client.raw = True
             self._handed_over = client.number  # it may be driving: the robot's next heartbeat tells
@@ -246,24 +248,30 @@ class Hub:
 
     def _stop(self, client: Client, message: Message) -> None:
         now_s = self._clock()
-        for frame in self._outbox.remove(_MOVES):
+        system = target_of(message).system
+        for frame in self._outbox.remove(_MOVES, system):
             self._refuse(frame.client, frame.message, _DENIED)
             self._tell(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
         if not self.is_open:
             self._refuse(client.number, message, _LATER)
             self._tell(client, f"hub: {self.settings.name} is gone: no stop", _CRITICAL, "port")
             return
-        self._pending.overtake(now_s)
+        self._pending.overtake(system, now_s)
         if is_command(message):
             self._pending.ask(client.number, message, False, now_s)
         self._outbox.stop(self._waiting(client.number, message, Kind.STOP))
-        holder = self.command.holder
-        if holder == client.number and is_disarm(message) and not self.command.armed:
-            self.command.release()
+        if self.command.holder == client.number and is_disarm(message) and not self.command.armed:
+            self.command.finish()
             self._released(client, "has disarmed")
-        elif holder not in (None, client.number):
-            self.command.revoke(now_s)
-            self._released(self.clients[holder], f"was stopped by {client.name}")
+        elif self.command.is_ended_by(client.number, system):
+            self._end_drive(client, held=stop_of(message) is Stop.HOLD)
+
+    def _end_drive(self, by: Client, *, held: bool) -> None:
+        """A client has stopped what another one drives: tell that one, which may only send set-points or look on."""
+        driver = self.command.revoke(self._clock())
+        self._tell_all(notices.stopped(by.name, held=held), _WARNING, but=by.number)
+        if driver is not None:
+            self._released(self.clients[driver], f"was {'held' if held else 'stopped'} by {by.name}")
 
     def _move(self, client: Client, message: Message, kind: Kind) -> None:
         now_s = self._clock()
@@ -271,18 +279,25 @@ class Hub:
         if is_command(message) and self._pending.is_overtaken(client.number, message, now_s):
             self._tell(client, "hub: a stop came first", _WARNING, "overtaken")
             self._refuse(client.number, message, _DENIED)
-        elif not self.command.may_move(client.number, now_s, stream=kind is Kind.SETPOINT):
+        elif not self.command.may_move(
+            client.number, now_s, stream=kind is Kind.SETPOINT, system=target_of(message).system
+        ):
             self._refuse_move(client, message)
         else:
             if before is None:
                 self._say(f"{client.name} commands")
-                self._tell_all(f"hub: {client.name} commands", _NEWS, but=client.number)
+                self._tell_all(notices.commands(client.name), _NEWS, but=client.number)
             self._ask(client, message, kind)
 
     def _refuse_move(self, client: Client, message: Message) -> None:
         holder = self.command.holder
-        why = "pause before you take over" if holder is None else f"{self.clients[holder].name} commands"
-        self._tell(client, f"hub: refused, {why}", _WARNING, "" if is_command(message) else "set-points")
+        if holder is not None:
+            text = notices.refused(self.clients[holder].name)
+        elif self.command.has_ended(client.number, self._clock()):
+            text = notices.DRIVE_ENDED
+        else:
+            text = notices.PAUSE_FIRST
+        self._tell(client, text, _WARNING, "" if is_command(message) else "set-points")
         self._refuse(client.number, message, _DENIED)
 
     def _beat(self, client: Client, message: Message) -> None:
@@ -290,6 +305,7 @@ class Hub:
         if message.type != mavlink.MAV_TYPE_GCS:
             return
         now_s = self._clock()
+        self._trials.heard(client.number)
         alone = client.number == self.command.holder
         station = source_of(message)
         due = now_s - self._beaten_s.get(station, float("-inf")) >= HEARTBEAT_S
@@ -297,27 +313,9 @@ class Hub:
             self._beaten_s[station] = now_s
             self._ask(client, message, Kind.HEARTBEAT)
 
-    def _interval(self, client: Client, message: Message, number: int, interval_us: float) -> None:
-        self.streams.wish(client.number, number, interval_us)
-        wanted = self.streams.merged(number, set(self.clients))
-        if self.streams.in_force.get(number) == wanted and number in self.streams.accepted:
-            self._acknowledge(client, message, _ACCEPTED)
-        elif wanted == interval_us:
-            self.streams.in_force[number] = wanted
-            self._ask(client, message, Kind.INTERVAL)
-        else:
-            self._acknowledge(client, message, _ACCEPTED)  # somebody wants more, and gets it
-
     def _is_new(self, client: Client, message: Message, kind: Kind) -> bool:
         """Return whether the robot must hear a request, or somebody has asked the same just now."""
         now_s = self._clock()
-        if kind is Kind.STREAM:
-            rate_hz = float(message.req_message_rate) if message.start_stop else 0.0
-            new = self.streams.group(client.number, int(message.req_stream_id), rate_hz, now_s)
-            if new:  # the robot forgets single messages' intervals with it
-                self.streams.in_force.clear()
-                self._own_s = now_s
-            return new
         if kind is Kind.LIST:
             return self._parameters.list_is_new(now_s)
         if kind is Kind.READ:
@@ -359,29 +357,35 @@ class Hub:
             return
         self._sequence = message.get_seq()
         self._watch_clock(getattr(message, "time_boot_ms", self._boot_ms))
+        self.streams.hear(message.get_msgId(), self._boot_ms)
         if message.get_type() == "PARAM_VALUE":
             self._robot.watch_parameter(message)
+            self._trials.watch_parameter(message)
             self._parameters.seen(message, self._clock())
 
     def _watch_heartbeat(self, source: tuple[int, int], armed: bool) -> None:
-        now_s = self._clock()
+        now_s, before = self._clock(), self._robot.source
         if not self._robot.accept_heartbeat(source, now_s):
             if armed:
                 self.command.note_other_armed_robot(now_s)
             return
+        if source != before:
+            self._trials.moved(before, source)
+        if self._is_new_robot or source != before:
+            self._is_new_robot = False
+            self._trials.look(source)
         holder = self.command.holder
         if self.command.robot_says(armed, now_s) and holder is not None:
             self._released(self.clients[holder], "is done: the robot is not armed")
         if not armed and holder is not None and holder == self._handed_over:
-            self.command.release()
+            self.command.finish()
         self._handed_over = None
 
     def _watch_clock(self, boot_ms: int) -> None:
         """A clock that goes back is a robot that has restarted: it does not know the wishes any more."""
         if boot_ms + RESTART_MS < self._boot_ms:
             self.streams.restart()
-            self._own_tries.clear()
-            self._own_s = float("-inf")
+            self._is_new_robot = True
         self._boot_ms = boot_ms
 
     def _fan_out(self, message: Message) -> None:
@@ -389,25 +393,14 @@ class Hub:
         if message.get_type() == "COMMAND_ACK":
             question, others = self._pending.answered(message, self._robot.source)
             if question is not None:
-                self._interval_answered(question, message)
-                self._trials.answered(question, message)
+                self.streams.answered(question, message.result)
+                self._trials.answered(question, message, self._robot.source)
                 if question.client == NOBODY:
                     return
         plain, raw = wire.unsigned(message), bytes(message.get_msgbuf())
         for client in self.clients.values():
             if client.number not in others and not self.streams.is_muted(client.number, message.get_msgId()):
                 client.out += raw if client.raw else plain
-
-    def _interval_answered(self, question: Question, ack: Message) -> None:
-        if question.about is None:
-            return
-        number, interval_us = question.about
-        if ack.result == _ACCEPTED:
-            self.streams.in_force[number] = interval_us
-            self.streams.accepted.add(number)
-            self._own_tries.clear()
-        elif ack.result != _LATER:
-            self.streams.refused(question.client, number)
 
     # ---- what is due
 
@@ -424,43 +417,37 @@ class Hub:
             client = self.clients[frame.client]
             client.left_out += 1
             self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
-        if self.is_open and now_s - self._own_s >= OWN_TRY_S:
-            self._own_s = now_s
-            self._ask_for_streams()
         if self.is_open:
+            for number, interval_us in self.streams.due(set(self.clients), now_s):
+                self._send_own(self._own.interval(self._robot.source, number, interval_us), Kind.INTERVAL)
             self._trials.serve()
-
-    def _ask_for_streams(self) -> None:
-        """Ask the robot for what the clients' wishes come to, where that is not what it was asked for last."""
-        for number, interval_us in self.streams.outdated(set(self.clients)):
-            self._own_tries[number, interval_us] += 1
-            if self._own_tries[number, interval_us] > OWN_TRIES:
-                continue
-            self._send_own(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, (number, interval_us), Kind.INTERVAL)
 
     def _may_try(self, client: Client, message: Message) -> bool:
         """Return whether a request may go to the robot: the trial of one client is kept from the others."""
         if not is_command(message) or message.command != _TRIAL:
             return True
-        if self._trials.may_try(client.number, message.param1):
+        if self._trials.may_try(client.number, message, self._robot.source):
             return True
-        if self._trials.end_pending:
+        number = self._trials.owner(target_of(message).or_robot(self._robot.source))
+        owner = None if number is None else self.clients.get(number)
+        if owner is None:
             self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
-        elif self._trials.client is not None:
-            self._tell(client, f"hub: {self.clients[self._trials.client].name} tries parameters", _WARNING)
-        self._refuse(client.number, message, _LATER if self._trials.end_pending else _DENIED)
+        else:
+            self._tell(client, f"hub: {owner.name} tries parameters", _WARNING)
+        self._refuse(client.number, message, _LATER if owner is None else _DENIED)
         return False
 
-    def _send_own(self, command: int, params: tuple[float, ...], kind: Kind) -> None:
-        """Send a command of the hub itself; its answer is for no client."""
-        self._own_number = self._own_number % 65535 + 1
-        numbers = (*params, *[0.0] * (4 - len(params)))
-        message = mavlink.MAVLink_command_long_message(
-            *self._robot.source, command, 0, *numbers, self._own_number, 0, 0
-        )
-        message.pack(self._own)
-        self._own.seq = (self._own.seq + 1) % 256
-        if self._outbox.add(self._waiting(NOBODY, message, kind)):
+    def _send_trial(self, robot: tuple[int, int], action: float) -> None:
+        if action == TRIAL_ASK:
+            self._send_own(self._own.read(robot, TIMEOUT), Kind.READ)
+        self._send_own(self._own.trial(robot, action), Kind.OTHER)
+
+    def _send_own(self, message: Message, kind: Kind) -> None:
+        """Send what the hub asks by itself. The answer to a command is for no client."""
+        frame = self._waiting(NOBODY, message, kind)
+        if is_command(message):
+            frame.slot = (target_of(message), message.command, message.param1)  # asked again, it has another number
+        if self._outbox.add(frame) and is_command(message):
             self._pending.ask(NOBODY, message, False, self._clock())
 
     # ---- saying things
@@ -484,7 +471,7 @@ class Hub:
 
     def _released(self, client: Client, why: str) -> None:
         self._say(f"{client.name} {why}; nobody commands")
-        self._tell_all("hub: nobody commands", _NEWS)
+        self._tell_all(notices.NOBODY_COMMANDS, _NEWS)
 
     def _say(self, line: str) -> None:
         self.events.append(line)

@@ -19,7 +19,11 @@ class InCommand:
 
     def __init__(self) -> None:
         self.holder: int | None = None
+        self.driver: int | None = None
+        """Whose drive another client's stop ends: that of the one in command, or that was until it fell silent."""
         self.armed = False
+        self._moved_systems: set[int] = set()
+        """Of the robots that the driver has moved; 0: all."""
         self._other_armed_s = float("-inf")
         self._moved_s = float("-inf")
         self._heard_s = float("-inf")
@@ -31,14 +35,20 @@ class InCommand:
         if client == self.holder:
             self._heard_s = now_s
 
-    def may_move(self, client: int, now_s: float, *, stream: bool) -> bool:
-        """Ask for the command: True if the client has it now. ``stream`` marks a set-point of a stream."""
+    def may_move(self, client: int, now_s: float, *, stream: bool, system: int = 0) -> bool:
+        """Ask for the command: True if the client has it now. ``stream`` marks a set-point of a stream.
+
+        ``system`` is the robot that it moves, 0 all of them.
+        """
         refused_s, pause_s = self._pauses.get(client, (float("-inf"), PAUSE_S))
         must_pause = stream and now_s - refused_s < pause_s
         if self.holder not in (None, client) or (self.holder is None and must_pause):
             self._pauses[client] = (now_s, pause_s if must_pause else PAUSE_S)
             return False
-        self.holder = client
+        if self.driver != client:
+            self._moved_systems.clear()
+        self.holder = self.driver = client
+        self._moved_systems.add(system)
         self._moved_s = self._heard_s = now_s
         self._pauses.pop(client, None)
         return True
@@ -60,25 +70,45 @@ class InCommand:
     def robot_says(self, armed: bool, now_s: float) -> bool:
         """Take the robot's heartbeat; return whether the command was released by it."""
         was, self.armed = self.armed, armed
-        return was and not armed and self.revoke(now_s)
+        had = self.holder is not None
+        return was and not armed and self.revoke(now_s) is not None and had
 
-    def revoke(self, now_s: float) -> bool:
-        """End the command although its client may still stream; return whether there was one."""
-        if self.holder is not None:
-            self._pauses[self.holder] = (now_s, ENDED_PAUSE_S)
-        return self.release()
+    def is_ended_by(self, client: int, system: int) -> bool:
+        """Return whether a stop of this client, for this robot (0: for all), ends another client's drive."""
+        moved = self._moved_systems
+        return self.driver not in (None, client) and (0 in (system, *moved) or system in moved)
+
+    def revoke(self, now_s: float) -> int | None:
+        """End the driver's drive although it may still stream; return the driver."""
+        driver = self.driver
+        if driver is not None:
+            self._pauses[driver] = (now_s, ENDED_PAUSE_S)
+        self.finish()
+        return driver
+
+    def has_ended(self, client: int, now_s: float) -> bool:
+        """Return whether the set-points of this client are refused because its drive was ended."""
+        refused_s, pause_s = self._pauses.get(client, (float("-inf"), PAUSE_S))
+        return pause_s == ENDED_PAUSE_S and now_s - refused_s < pause_s
 
     def leave(self, client: int) -> bool:
         """Forget a client; return whether the command was released by it."""
         self._pauses.pop(client, None)
-        return client == self.holder and self.release()
+        had = client == self.holder
+        if client == self.driver:
+            self.finish()
+        return had
 
     def is_idle(self, now_s: float) -> bool:
         """Return whether the client in command is silent, or does nothing with a robot that is disarmed."""
         since_s = self._heard_s if self._any_is_armed(now_s) else self._moved_s
         return self.holder is not None and now_s - since_s >= IDLE_S
 
-    def release(self) -> bool:
-        """End the command; return whether there was one."""
-        had, self.holder = self.holder is not None, None
-        return had
+    def release(self) -> None:
+        """Free the command. The drive of its client may still go on."""
+        self.holder = None
+
+    def finish(self) -> None:
+        """Free the command: the drive of its client is over."""
+        self.holder = self.driver = None
+        self._moved_systems.clear()

@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass
 
 from omniwheel.byte_budget import ByteBudget
 from omniwheel.dialect import Message
-from omniwheel.hub.rules import Kind, Stop, stop_of
+from omniwheel.hub.rules import Kind, Stop, may_be_same, stop_of, target_of
 
 STALE_S = 0.25
 """A set-point or pose fix that has waited for so long is not sent any more."""
@@ -24,6 +24,10 @@ REPEAT_S = 1.0
 HOLDER_SHARE = 3
 """While others wait, too, the commanding client gets so many bytes for each one of theirs."""
 _CREDIT_BYTES = 100
+_HANDICAP = {Stop.ESTOP: 0, Stop.DISARM: 2, Stop.HOLD: 4}
+"""Clients take turns with their stops. One of this kind waits as if its client had sent so many stops before it, so an
+urgent one goes before others, but not an endless row of them from one client."""
+_REPEAT_HANDICAP = 4
 NEWEST_COUNTS = (Kind.SETPOINT, Kind.FIX)
 """Of a client's frames of these kinds only the newest waits, and not for longer than STALE_S."""
 
@@ -38,8 +42,8 @@ class Waiting:
     size: int
     since_s: float
     slot: Hashable = None
-    rank: tuple[bool, bool, int] = (False, False, 0)
-    """Of a stop: the smallest goes first."""
+    handicap: int = 0
+    """Of a stop: the smallest goes first, for each client plus the number of stops that it has sent already."""
 
 
 class Outbox:
@@ -51,6 +55,8 @@ class Outbox:
         self._clock = clock
         self._stop_budget = ByteBudget(budget.bytes_s, max(STOP_BURST_BYTES, budget.burst_bytes), clock)
         self._stops: list[Waiting] = []
+        self._stops_sent: Counter[int] = Counter()
+        """Per client, since stops began to wait."""
         self._last_was_hold = False
         self._stopped_s: dict[tuple[int, Hashable], float] = {}
         self._queues: dict[int, deque[Waiting]] = {}
@@ -58,23 +64,22 @@ class Outbox:
         self._ahead_bytes = 0  # of the commanding client, beyond its share
 
     def stop(self, frame: Waiting) -> None:
-        """Let a stop go before everything, an emergency stop before a disarm before a hold.
+        """Let a stop go before everything but stops, an emergency stop before a disarm before a hold.
 
+        The clients take turns, so however many stops one of them sends, to whatever robots, they hold back no other's.
         Of the stops of one command and client, whatever their unused fields hold, only the newest waits. One that was
         sent just now and comes again goes behind those of other clients: a flood of stops holds no stop back.
         """
-        kind = stop_of(frame.message) or Stop.HOLD
         now_s = self._clock()
         self._stopped_s = {key: at_s for key, at_s in self._stopped_s.items() if now_s - at_s < REPEAT_S}
         repeated = (frame.client, frame.slot) in self._stopped_s
-        frame.rank = (kind is Stop.HOLD, repeated, 0 if repeated else kind)
+        frame.handicap = _HANDICAP[_urgency(frame)] + (_REPEAT_HANDICAP if repeated else 0)
         for at, other in enumerate(self._stops):
             if (other.client, other.slot) == (frame.client, frame.slot):
-                frame.rank = other.rank
+                frame.handicap = other.handicap
                 self._stops[at] = frame
                 return
         self._stops.append(frame)
-        self._stops.sort(key=lambda stop: stop.rank)  # stable: those of one rank keep their order
 
     def add(self, frame: Waiting) -> bool:
         """Let a frame wait for its client's turn. Return False if its client's queue is full: it is not taken then."""
@@ -98,12 +103,16 @@ class Outbox:
         if client in self._turns:
             self._turns.remove(client)
 
-    def remove(self, kinds: Iterable[Kind]) -> list[Waiting]:
-        """Take all frames of these kinds out and return them."""
+    def remove(self, kinds: Iterable[Kind], system: int) -> list[Waiting]:
+        """Take all frames of these kinds out that are for the robot ``system``, and return them; 0 is every robot."""
         wanted = tuple(kinds)
-        removed = [frame for queue in self._queues.values() for frame in queue if frame.kind in wanted]
+
+        def stays(frame: Waiting) -> bool:
+            return frame.kind not in wanted or not may_be_same(system, target_of(frame.message).system)
+
+        removed = [frame for queue in self._queues.values() for frame in queue if not stays(frame)]
         for client, queue in self._queues.items():
-            self._queues[client] = deque(frame for frame in queue if frame.kind not in wanted)
+            self._queues[client] = deque(filter(stays, queue))
         return removed
 
     def clear(self) -> list[Waiting]:
@@ -129,6 +138,7 @@ class Outbox:
         """Take the frame that may be sent now, None if there is none. ``holder`` is the commanding client."""
         if self._stops:
             return self._next_stop()
+        self._stops_sent.clear()
         client = self._turn(holder)
         if client is None or not self._admits(self._queues[client][0].size):
             return None
@@ -142,15 +152,17 @@ class Outbox:
 
     def _next_stop(self) -> Waiting | None:
         """Take the first stop. Between two holds a heartbeat may go: without any the robot would lose its link."""
-        is_hold, *_ = self._stops[0].rank
+        first = min(self._stops, key=lambda stop: (stop.handicap + self._stops_sent[stop.client], _urgency(stop)))
+        is_hold = _urgency(first) is Stop.HOLD
         queue = self._queue_of_a_heartbeat() if self._last_was_hold and is_hold else None
-        frame = self._stops[0] if queue is None else next(f for f in queue if f.kind is Kind.HEARTBEAT)
+        frame = first if queue is None else next(f for f in queue if f.kind is Kind.HEARTBEAT)
         if not self._stop_budget.admits(frame.size):
             return None
         (self._stops if queue is None else queue).remove(frame)
         self._last_was_hold = is_hold and queue is None
         if queue is None:
             self._stopped_s[frame.client, frame.slot] = self._clock()
+            self._stops_sent[frame.client] += 1
         self._stop_budget.charge(frame.size)
         return self._charged(frame)
 
@@ -175,3 +187,7 @@ class Outbox:
     def _charged(self, frame: Waiting) -> Waiting:
         self._budget.charge(frame.size)
         return frame
+
+
+def _urgency(stop: Waiting) -> Stop:
+    return stop_of(stop.message) or Stop.HOLD

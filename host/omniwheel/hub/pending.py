@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from omniwheel.dialect import Message, mavlink
-from omniwheel.hub.rules import Target, receipt_of, source_of, target_of, wish_of
+from omniwheel.hub.rules import Target, may_be_same, receipt_of, source_of, target_of, wish_of
 
 FORGET_S = 15.0
 """A question without answer is forgotten after this time: longer than a client tries."""
@@ -75,10 +75,10 @@ class Pending:
         asker = None if found is None else found.client
         return found, {question.client for question in same if question.client != asker}
 
-    def overtake(self, now_s: float) -> None:
-        """A stop came: what moves and is still without answer shall not be said again behind it."""
+    def overtake(self, system: int, now_s: float) -> None:
+        """A stop for this robot came (0: for all): what moves it and has no answer must not be repeated behind it."""
         self._expire(now_s)
-        overtaken = [question for question in self._questions if question.moves]
+        overtaken = [q for q in self._questions if q.moves and may_be_same(system, q.target.system)]
         self._overtaken += [question for question in overtaken if question not in self._overtaken]
 
     def is_overtaken(self, client: int, message: Message, now_s: float) -> bool:
@@ -86,8 +86,8 @@ class Pending:
         self._expire(now_s)
         receipt = receipt_of(message)
         repeated = bool(receipt) or getattr(message, "confirmation", 0) > 0
-        key = (client, message.command, receipt)
-        return repeated and any((old.client, old.command, old.receipt) == key for old in self._overtaken)
+        key = (client, message.command, receipt, target_of(message))
+        return repeated and any((old.client, old.command, old.receipt, old.target) == key for old in self._overtaken)
 
     def forget(self, client: int) -> None:
         """Forget a client."""

@@ -10,6 +10,8 @@ from enum import Enum, IntEnum, auto
 
 from omniwheel.dialect import Message, mavlink
 
+NOBODY = -1
+"""The hub itself, where a client's number is asked for."""
 HELLO = "this is "
 """How a text begins with which a client says its name."""
 HANDED_OVER = "this was "
@@ -162,6 +164,11 @@ def wish_of(message: Message) -> tuple[int, float] | None:
         return None
     takes = interval_us in (-1.0, 0.0) or _SHORTEST_US <= interval_us <= _LONGEST_US
     return (int(number), interval_us) if takes else None
+
+
+def may_be_same(system: int, other: int) -> bool:
+    """Return whether two system ids may mean one robot: 0 is every one."""
+    return 0 in (system, other) or system == other
 
 
 @dataclass(frozen=True)

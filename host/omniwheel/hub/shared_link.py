@@ -19,6 +19,7 @@ from typing import Any
 from omniwheel.default_key import default_key
 from omniwheel.errors import LinkLostError, LinkOpenError, OutputFileError
 from omniwheel.hub import places
+from omniwheel.hub.rate_requests import RateRequests, is_from_robot
 from omniwheel.link import Link, SerialLink, TcpLink, open_link, parse_url
 
 LOOK_S = 0.05
@@ -185,6 +186,7 @@ class OwnedLink:
         except OutputFileError as error:
             self._alone = f"no other program can share {url}: {error}"
         self._look_s = time.monotonic()
+        self._rates = RateRequests()
 
     @property
     def notice(self) -> str:
@@ -193,10 +195,17 @@ class OwnedLink:
 
     def read(self, timeout_s: float) -> bytes:
         """Return what has come, b"" if nothing did in time. Lets go of the port if a hub asks for it."""
-        return self._handed_over() or self._link.read(timeout_s)
+        if rest := self._handed_over():
+            return rest
+        data = self._link.read(timeout_s)
+        if isinstance(self._link, HubLink) and is_from_robot(data) and (rates := self._rates.take()):
+            self._link.write(rates)
+        return data
 
     def write(self, data: bytes) -> None:
         """Send all of ``data``."""
+        if isinstance(self._link, SerialLink):
+            self._rates.watch(data)
         self._link.write(data)
 
     def fileno(self) -> int:

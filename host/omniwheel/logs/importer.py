@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, Mask, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping, TruthColumns
 from omniwheel.logs.spikes import reject_spikes
-from omniwheel.logs.wraps import counter_steps, signed_steps, unwrapped_clock
+from omniwheel.logs.wraps import counted_on, counter_steps, signed_steps, unwrapped_clock
 from omniwheel.moved import moved
 from omniwheel.table_file import TableFormat, read_table
 
@@ -32,7 +33,10 @@ PERIOD_TOLERANCE = 0.25
 """How far the rows' distance may be from the mapping's period, as a share, in the median."""
 MAX_TURN_RAD_S = 20.0
 """A heading that changes faster than this has been restarted."""
-
+MOST_RESTARTS = 3
+"""Counters that restart more often are no running counts of 16 or 32 bits, but wrap at some other value."""
+FASTEST_WHEEL_RAD_S = 1000.0
+"""No wheel of a robot turns so fast, nearly 10 000 rpm: a counter restarted there, or the row is damaged."""
 
 FROZEN_S = 0.5
 """A column that often changes and then keeps one value for so long is frozen."""
@@ -56,6 +60,7 @@ class ImportSummary:
     ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped. ``noise_correlation`` is
     that of a count's noise with the next one's: -0.5 where counts add up to an angle, 0 where each stands alone.
     ``outlier_share`` is that of counts far from their neighbours, whether they were rejected as spikes or not.
+    ``counter_restarts_s``: the counters began again at zero, and were counted on from there.
     """
 
     rows: int
@@ -68,6 +73,7 @@ class ImportSummary:
     noise_correlation: tuple[float, ...]
     frozen: tuple[Frozen, ...]
     outlier_share: tuple[float, ...]
+    counter_restarts_s: tuple[float, ...]
 
 
 def read_columns(path: Path, delimiter: str, header: tuple[str, ...] = ()) -> dict[str, Array]:
@@ -143,7 +149,8 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         heading, restarts = unwrap_heading(raw_heading * mapping.heading_unit * mapping.heading_sign, step)
         driven = np.any(duty != 0.0, axis=1) if mapping.duty else np.ones(len(duty), dtype=bool)
         heading[frozen_rows(raw_heading, time[keep], driven, mapping.period_s)] = np.nan
-    counts = _counts(path, wheels, step, mapping) * np.array(mapping.wheel_sign)
+    counted, counter_restarts = _counts(path, wheels, step, mapping)
+    counts = counted * np.array(mapping.wheel_sign)
     known_truth, truth_dropped = _truth(path, columns, mapping, truth)
     log = WheelLog(
         name=path.stem,
@@ -160,6 +167,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
     )
     good, noise = reject_spikes(log, mapping.spikes)
     _require_few_spikes(path, good, mapping)
+    _require_possible_speeds(path, log, good, mapping)
     summary = ImportSummary(
         rows=len(log.time_s),
         dropped_rows=int(np.sum(~keep)),
@@ -170,6 +178,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         noise_counts=noise.counts,
         noise_correlation=noise.correlation,
         outlier_share=noise.outlier_share,
+        counter_restarts_s=tuple(float(log.time_s[row]) for row in counter_restarts),
         frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
     )
     return replace(log, good=good), summary
@@ -205,6 +214,23 @@ def _require_few_spikes(path: Path, good: Mask, mapping: Mapping) -> None:
             hint=f"correct counts_per_revolution or the unit of [wheels], or max_rad_s and threshold of [spikes], in "
             f"{mapping.source}",
         )
+
+
+def _require_possible_speeds(path: Path, log: WheelLog, good: Mask, mapping: Mapping) -> None:
+    """Raise LogError for a wheel that is too fast for any robot, unless a row nearby takes that back.
+
+    A counter that was misread once shows two such rows, which cancel out: nothing is added to the path.
+    """
+    speed = np.where(good, log.wheel_rad_s, 0.0)
+    for row, wheel in np.argwhere(np.abs(speed) > FASTEST_WHEEL_RAD_S):
+        near = log.counts[max(row - RESTART_ROWS, 0) : row + RESTART_ROWS + 1, wheel]
+        if log.sample_s > 0.0 or abs(float(np.sum(near))) > 0.5 * abs(float(log.counts[row, wheel])):
+            raise LogError(
+                f"{path}: {mapping.wheels[wheel]} goes on by {log.counts[row, wheel]:.0f} counts at "
+                f"{log.time_s[row]:.3f} s, which is {abs(speed[row, wheel]):.0f} rad/s",
+                hint="if the logger or its counters restarted there, cut the file and import each part; if the encoder "
+                f"misreads, set max_rad_s under [spikes] in {mapping.source}",
+            )
 
 
 def _truth(path: Path, columns: dict[str, Array], mapping: Mapping, truth: Path | None) -> tuple[Truth | None, int]:
@@ -271,17 +297,18 @@ def _rising(path: Path, time: Array) -> Mask:
     return rises
 
 
-def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
-    """Counts since the row before. A speed is one period's counts; across missing rows it is taken to have lasted.
+def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> tuple[Array, Sequence[int]]:
+    """Counts since the row before, and the rows in which the counters restarted.
 
-    Counts of a sample are those of the sample alone.
+    A speed is one period's counts; across missing rows it is taken to have lasted. Counts of a sample are those of the
+    sample alone.
     """
     sampled = mapping.sample_s > 0.0
     steps = 1.0 if sampled else np.maximum(np.round(step / mapping.period_s), 1.0)[:, None]
     if mapping.quantity == "counts":
-        return counter_steps(wheels) * mapping.wheel_unit
+        return _running_counts(path, wheels, step, mapping)
     if mapping.quantity == "increment":
-        return signed_steps(wheels) * mapping.wheel_unit
+        return signed_steps(wheels) * mapping.wheel_unit, ()
     rad_per_count = 2.0 * np.pi / mapping.counts_per_revolution
     exact = wheels * mapping.wheel_unit * (mapping.sample_s if sampled else mapping.period_s) / rad_per_count
     whole = np.round(exact)
@@ -291,7 +318,21 @@ def _counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> Array:
             f"{path}: the wheel speeds are {off:.2f} counts off whole counts in the median",
             hint=f"correct counts_per_revolution, period_s, sample_s or the unit in {mapping.source}",
         )
-    return np.asarray(whole * steps)
+    return np.asarray(whole * steps), ()
+
+
+def _running_counts(path: Path, wheels: Array, step: Array, mapping: Mapping) -> tuple[Array, Sequence[int]]:
+    """Counts since the row before of counters that add up, and the rows in which they restarted. Raises LogError."""
+    periods = np.maximum(np.round(step / mapping.period_s), 1.0)
+    unit = mapping.wheel_unit
+    counts, restarts = counted_on(wheels * unit, counter_steps(wheels) * unit, periods)
+    if len(restarts) > MOST_RESTARTS:
+        raise LogError(
+            f"{path}: the counters begin again at zero {len(restarts)} times, first in row {restarts[0] + 2}",
+            hint="cut the file at the restarts and import each part; a counter of other than 16 or 32 bits has to be "
+            "unwrapped before",
+        )
+    return counts, restarts.tolist()
 
 
 def unwrap_heading(heading: Array, step_s: Array) -> tuple[Array, list[int]]:

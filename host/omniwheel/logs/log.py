@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from omniwheel import files
 from omniwheel.errors import LogError
 from omniwheel.npz_file import read_npz
+from omniwheel.pose_jumps import PoseJump
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,12 +27,14 @@ class Truth:
 
     ``time_s`` (m,) rises, ``xy`` (m, 2) [m], ``theta`` (m,) [rad].
     ``theta`` is NaN where it is unknown or not to be trusted. ``same_clock``: the clock is known to be the robot's.
+    ``jumps``: where it jumped, if it is the robot's own estimate, and goes on here from where it was.
     """
 
     time_s: Array
     xy: Array
     theta: Array
     same_clock: bool = False
+    jumps: tuple[PoseJump, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,8 @@ SUMMARY_FILE = "summary.json"
 RECORD_FILE = "record.npz"
 DRIVE_TLOG = "telemetry.tlog"
 """The telemetry log in the folder of a robot's drive."""
+DRIVE_PARAMETERS = "parameters.toml"
+"""What its parameters were when it began."""
 
 
 def new_run_folder(root: Path, name: str) -> Path:

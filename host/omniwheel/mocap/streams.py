@@ -49,6 +49,6 @@ def _open_system(kind: str, host: str, subject: str, timeout_s: float) -> MocapS
     host, colon, port = host.partition(":")
     if not colon:
         return NatNetSource(host, subject, timeout_s=timeout_s)
-    if not (host and port.isdecimal() and 0 < int(port) < 2**16):
+    if not (host and port.isdecimal() and len(port) <= 5 and 0 < int(port) < 2**16):
         raise MocapSourceError(f"{port!r} is no port of a NatNet server: 1 to 65535", hint=ALLOWED)
     return NatNetSource(host, subject, port=int(port), timeout_s=timeout_s)

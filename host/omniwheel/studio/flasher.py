@@ -6,6 +6,7 @@ Only what passed its check is uploaded: the very file, byte for byte.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import signal
 import subprocess
@@ -15,8 +16,10 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
+from omniwheel.flashing.loader import HOW_TO_GET_IT, PROGRAM
 from omniwheel.robots import robot_names
 from omniwheel.studio.actions import BadRequestError
 
@@ -64,6 +67,15 @@ def firmware_of(request: Mapping[str, Any]) -> Firmware:
     return Firmware(str(robot), str(file), str(port), blank, request.get("new_wiring") is True)
 
 
+@dataclass(frozen=True)
+class Checked:
+    """Firmware that passed its check, what ``omni flash`` answered, and the digest of the file as it was then."""
+
+    firmware: Firmware
+    said: dict[str, Any]
+    digest: str
+
+
 class Flasher:
     """Checks and uploads one firmware at a time. ``command`` is what does it. For any thread."""
 
@@ -74,7 +86,7 @@ class Flasher:
         self._lines: deque[str] = deque(maxlen=LINES_KEPT)
         self._uploads = False
         self._trouble = self._done = ""
-        self._checked: tuple[Firmware, dict[str, Any]] | None = None
+        self._checked: Checked | None = None
 
     @property
     def running(self) -> bool:
@@ -91,18 +103,34 @@ class Flasher:
         self._checked = None
 
         def checked(said: dict[str, Any]) -> str:
-            self._checked = (firmware, said)
+            self._checked = Checked(firmware, said, _digest(said["file"]))
             if said["problem"]:
                 return f"The image is good. An upload would be refused now: {said['problem']}"
             return f"The image is good: {said['size']} bytes for {said['board']}. Nothing was uploaded yet"
 
         self._begin(firmware.words(), checked, uploads=False)
 
-    def upload(self, firmware: Firmware) -> None:
-        """Begin to upload what was checked; returns at once. Raises BadRequestError if that was something else."""
-        if self._checked is None or self._checked[0] != firmware:
+    def require_checked(self, firmware: Firmware) -> dict[str, Any]:
+        """Return the answer of the check of this firmware.
+
+        Raises BadRequestError if it cannot be uploaded now: it was not checked, the check found that an upload would
+        be refused or has no loader, its file has changed since, or another firmware is being checked or uploaded.
+        """
+        if self._checked is None or self._checked.firmware != firmware:
             raise BadRequestError("this was not checked yet", hint="press Check first")
-        said = self._checked[1]
+        self._require_free()
+        said = self._checked.said
+        if said["problem"]:
+            raise BadRequestError(f"the check found: {said['problem']}", hint="put that right, then press Check again")
+        if said.get("loader", PROGRAM) is None:
+            raise BadRequestError(f"{PROGRAM} is not installed here", hint=f"{HOW_TO_GET_IT}, then press Check again")
+        if _digest(said["file"]) != self._checked.digest:
+            raise BadRequestError(f"{said['file']} has changed since it was checked", hint="press Check again")
+        return said
+
+    def upload(self, firmware: Firmware) -> None:
+        """Begin to upload what was checked; returns at once. Raises BadRequestError as :meth:`require_checked`."""
+        said = self.require_checked(firmware)
         words = [said["file"], "--sha256", said["sha256"], *firmware.board(), "--json"]
         self._begin(words, lambda now: _runs(said, now), uploads=True)
 
@@ -128,13 +156,16 @@ class Flasher:
             "lines": list(self._lines),
             "done": self._done,
             "trouble": self._trouble,
-            "checked": self._checked is not None and self._checked[1]["problem"] is None and not self.running,
+            "checked": self._checked is not None and self._checked.said["problem"] is None and not self.running,
         }
+
+    def _require_free(self) -> None:
+        if self._process is not None:
+            raise BadRequestError("another firmware is being checked or uploaded", hint="wait for its end")
 
     def _begin(self, words: list[str], done: Callable[[dict[str, Any]], str], *, uploads: bool) -> None:
         with self._lock:
-            if self._process is not None:
-                raise BadRequestError("another firmware is being checked or uploaded", hint="wait for its end")
+            self._require_free()
             self._lines.clear()
             self._trouble = self._done = ""
             self._uploads = uploads
@@ -173,6 +204,14 @@ class Flasher:
         for line in process.stderr:
             if line.strip():
                 self._lines.append(line.rstrip())
+
+
+def _digest(file: str) -> str:
+    """Return the SHA-256 of a file; "" of one that is not there."""
+    try:
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:
+        return ""
 
 
 def _runs(checked: Mapping[str, Any], now: Mapping[str, Any]) -> str:

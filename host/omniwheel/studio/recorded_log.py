@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -13,17 +13,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel import parameter_file
 from omniwheel.dialect import Message
-from omniwheel.drive_log.folder import BEFORE_FILE, TLOG_FILE
-from omniwheel.drive_log.record import EventWatcher
-from omniwheel.errors import LogError, ParameterFileError
-from omniwheel.robots import parameter_table
+from omniwheel.drive_log.record import EventWatcher, parameters_beside
+from omniwheel.errors import LogError
+from omniwheel.pose_jumps import NEAR_S, PoseJump, geometry_of, jumps_of, steps_of
 from omniwheel.studio.log_frames import LONGEST_RECORD, Array, Clock, Kind, Piece, read_piece
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import Trace, extremes, thinned
 from omniwheel.studio.signals import MOST_WHEELS, Signal, all_signals, signals_of
-from omniwheel.telemetry import Control, Tracking
+from omniwheel.telemetry import Control, Tracking, Wheels
 
 PIECE_BYTES = 1 << 20
 MOST_PIECES = 32
@@ -65,6 +63,27 @@ class Overview:
         return self._parts[0]
 
 
+class JumpWatch:
+    """Finds the jumps of the pose estimate in pieces of a log, and across their borders."""
+
+    def __init__(self) -> None:
+        self.jumps: list[PoseJump] = []
+        self._tracking = np.zeros((0, 1 + 3))
+        self._wheels = np.zeros((0, 1 + MOST_WHEELS))
+
+    def take(self, piece: Piece, starts: Sequence[tuple[float, str]], parameters: Mapping[str, float]) -> None:
+        """Look at a piece; nothing is compared across ``starts``, where another part of the log begins."""
+        tracking = _in_order(self._tracking, _table(piece, Tracking, _POSE))
+        self._wheels = _in_order(self._wheels, _table(piece, Wheels, _SPEEDS))
+        if len(tracking):
+            time_s, wheel_time_s = tracking[:, 0], self._wheels[:, 0]
+            steps = steps_of(time_s, tracking[:, 1:], wheel_time_s, self._wheels[:, 1:], geometry_of(parameters))
+            begins = np.searchsorted(np.array([start_s for start_s, _ in starts]), time_s)
+            self.jumps += jumps_of(time_s, steps, np.diff(begins) == 0)[: MOST_EVENTS - len(self.jumps)]
+            self._wheels = self._wheels[wheel_time_s >= time_s[-1] - NEAR_S]
+            self._tracking = tracking[-1:]
+
+
 class RecordedLog:
     """An open telemetry log. Times are seconds since its first telemetry. Raises LogError if it holds none."""
 
@@ -74,8 +93,9 @@ class RecordedLog:
         self._begins: list[tuple[int, Clock, float]] = []  # of each piece: its place, the clock and the time there
         self._cache: OrderedDict[int, Piece] = OrderedDict()
         self._watcher = EventWatcher()
+        self._jumps = JumpWatch()
         self._marks = Marks()
-        self._known = _parameters_beside(path)
+        self._known = parameters_beside(path)
         self._starts: tuple[tuple[float, str], ...] = ()
         self.start_s, self.end_s = 0.0, 0.0
         self.lost_bytes = self.bad_frames = 0
@@ -105,6 +125,7 @@ class RecordedLog:
                     self.start_s = min(float(time_s[0]) for time_s, _ in piece.rows.values())
                 self._begins.append((at, began, self.start_s if began.newest_s is None else began.newest_s))
             self._note(piece)
+            self._jumps.take(piece, clock.starts, self._known)
             at += piece.used
             frames += piece.frames
         self.lost_bytes += size - at
@@ -154,9 +175,10 @@ class RecordedLog:
         """Return changes of parameters and events on the log's time, as a page draws them."""
         self._marks.overdue(float("inf"))
         changes = [{**mark.as_json(), "time_s": mark.time_s - self.start_s} for mark in self._marks.all()]
+        jumps = [(jump.time_s, jump.text) for jump in self._jumps.jumps]
         events = [
             {"number": 0, "time_s": max(time_s - self.start_s, 0.0), "changes": {}, "text": what}
-            for time_s, what in (*self._watcher.events, *self._starts)
+            for time_s, what in (*self._watcher.events, *self._starts, *jumps)
         ]
         return sorted(changes + events, key=lambda mark: float(str(mark["time_s"])))
 
@@ -231,6 +253,24 @@ class RecordedLog:
 _HINT = "give a .tlog file, as `omni record`, `omni drive` and the studio write it"
 _SEQUENCE = "control.config_sequence"
 _PATH_TIME = "tracking.path_time"
+_POSE = ("tracking.pose.x", "tracking.pose.y", "tracking.pose.theta")
+_SPEEDS = tuple(f"wheels.speed.{wheel + 1}" for wheel in range(MOST_WHEELS))
+
+
+def _table(piece: Piece, kind: Kind, keys: Sequence[str]) -> Array:
+    """Return rows of time and these signals; none if the piece has no such messages."""
+    if kind not in piece.rows:
+        return np.zeros((0, 1 + len(keys)))
+    time_s, values = piece.rows[kind]
+    column = {signal.key: signal.column for signal in signals_of(kind)}
+    return np.column_stack((time_s, *(values[column[key]] for key in keys))).astype(np.float64)
+
+
+def _in_order(before: Array, rows: Array) -> Array:
+    """Return the rows of two tables in the order of time, each time once; the latest of those of one time."""
+    both = np.concatenate((before, rows))
+    both = both[np.argsort(both[:, 0], kind="stable")]
+    return np.asarray(both[np.diff(both[:, 0], append=np.inf) > 0.0])
 
 
 def _new_sequences(piece: Piece) -> list[tuple[float, int]]:
@@ -241,13 +281,3 @@ def _new_sequences(piece: Piece) -> list[tuple[float, int]]:
     numbers = values[next(signal.column for signal in signals_of(Control) if signal.key == _SEQUENCE)]
     places = np.flatnonzero(np.diff(numbers, prepend=np.nan) != 0.0)
     return [(float(times[place]), int(numbers[place])) for place in places.tolist()]
-
-
-def _parameters_beside(log: Path) -> dict[str, float]:
-    """Return what the drive began with, if the log lies in a run's folder: a change has a value before it."""
-    if log.name != TLOG_FILE:
-        return {}
-    try:
-        return dict(parameter_file.read(log.with_name(BEFORE_FILE), parameter_table()))
-    except ParameterFileError:
-        return {}

@@ -27,6 +27,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from omniwheel import parameter_file
 from omniwheel.default_system import LAST_SYSTEM
 from omniwheel.errors import OmniError
+from omniwheel.parameters import without_system
 from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
 from omniwheel.studio import experiments
@@ -362,7 +363,7 @@ class StudioServer:
         robot = None if session is None else session.robot
         if robot is None:
             raise BadRequestError("no robot is connected")
-        values = parameter_file.parse(str(request.get("text", "")), "the file", robot.table)
+        values = without_system(parameter_file.parse(str(request.get("text", "")), "the file", robot.table))
         return await asyncio.wrap_future(self.studio.ask(page, "set", {"values": values_as_json(values)}))
 
     async def _change(self, page: Page, change: Callable[[], None]) -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from omniwheel.errors import OmniError
+from omniwheel.link import parse_url
 from omniwheel.robot import Robot
 from omniwheel.sensor_quality import SENSORS, Sensor
 from omniwheel.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
@@ -126,7 +127,11 @@ class Studio:
     # ---- the robot
 
     def connect(self, url: str, system_id: int | None = None) -> None:
-        """Connect to a robot instead of the one before. Raises BadRequestError during an upload to one."""
+        """Connect to a robot instead of the one before.
+
+        Raises LinkUrlError for an address that is none, BadRequestError during an upload; the robot is kept then.
+        """
+        parse_url(url)
         self.flasher.require_idle()
         self.disconnect()
         self._begin(url, system_id)
@@ -158,22 +163,25 @@ class Studio:
         self.worker.close()
 
     def simulate(self, wanted: Simulation) -> None:
-        """Start a simulated robot and connect to it. Raises FirmwareStartError."""
+        """Start a simulated robot and connect to it. Raises FirmwareStartError; the robot before is kept then."""
+        started = SimulatedRobot(wanted)
         self.disconnect()
-        self.simulated = SimulatedRobot(wanted)
+        self.simulated = started
         self._begin(self.simulated.url)
 
     def flash(self, page: Page, request: Mapping[str, Any]) -> None:
         """Check firmware, upload what was checked with ``"upload": true``, or end that. Raises BadRequestError.
 
-        An upload lets go of the robot before: its port is needed, and it is disarmed.
+        An upload lets go of the robot before: its port is needed, and it is disarmed. One that is refused does not.
         """
         self.require_command(page)
         if request.get("end") is True:
             self.flasher.end()
         elif request.get("upload") is True:
+            firmware = firmware_of(request)
+            self.flasher.require_checked(firmware)
             self.disconnect()
-            self.flasher.upload(firmware_of(request))
+            self.flasher.upload(firmware)
         else:
             self.flasher.check(firmware_of(request))
 

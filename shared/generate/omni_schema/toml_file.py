@@ -75,9 +75,16 @@ def take_text(source: str, key: str, value: object) -> str:
 
 def take_number(source: str, key: str, value: object) -> float:
     """Return ``value`` as a float if it is a finite number; booleans are no numbers."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-        raise SchemaError(source, key, f"is {value!r}; a finite number is needed here")
-    return float(value)
+    needed = "a finite number is needed here"
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise SchemaError(source, key, f"is {value!r}; {needed}")
+    try:
+        number = float(value)
+    except OverflowError as error:  # an integer of hundreds of digits
+        raise SchemaError(source, key, f"is an integer that is too large; {needed}") from error
+    if not math.isfinite(number):
+        raise SchemaError(source, key, f"is {value!r}; {needed}")
+    return number
 
 
 def number_within(source: str, key: str, value: object, low: float, high: float) -> float:
