@@ -19,7 +19,7 @@ from collections.abc import Callable
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeoutError, SetpointError
-from omniwheel.texts import TextLog
+from omniwheel.texts import STOPPED_BY, TextLog
 
 ACK_TIMEOUT_S = 1.0
 TRIES = 10
@@ -33,8 +33,6 @@ CANCELLED = "CANCELLED"
 """Result of a command that is not repeated any more, because another station has stopped the robot meanwhile."""
 _LAST_NUMBER = 65535
 _LAST_CONFIRMATION = 255
-_STOPPED_BY = ("stopped by station ", "held by station ")
-"""How the robot begins to say that another station ended a motion."""
 _BUSY = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
@@ -131,7 +129,7 @@ class Commander:
         self._connection.wait(lambda _: len(answers) > known, ACK_TIMEOUT_S)
 
     def _is_stopped(self, mark: int) -> bool:
-        return any(text.text.startswith(_STOPPED_BY) for text in self._texts.since(mark))
+        return any(text.text.startswith(STOPPED_BY) for text in self._texts.since(mark))
 
     def _numbered(self, params: tuple[float, ...], last: tuple[float, float], what: str) -> tuple[list[float], int]:
         """Return all seven parameters with the next number in the fifth, and the receipt that answers them."""

@@ -69,6 +69,26 @@ def without_system(values: Mapping[str, float]) -> dict[str, float]:
     return {name: value for name, value in values.items() if name != SYSTEM}
 
 
+class _Values:
+    """Values by name, and the robot's list of names as far as it has come."""
+
+    def __init__(self) -> None:
+        self.by_name: dict[str, float] = {}
+        self.names: dict[int, str] = {}
+        self.count = 0
+
+    @property
+    def complete(self) -> bool:
+        return 0 < self.count == len(self.names)
+
+    def take(self, message: Message) -> None:
+        name = _name_of(message)
+        self.by_name[name] = float(message.param_value)
+        if message.param_index < message.param_count:
+            self.count = message.param_count
+            self.names[message.param_index] = name
+
+
 class Parameters(MutableMapping[str, float]):
     """The parameters of a connected robot.
 
@@ -81,9 +101,9 @@ class Parameters(MutableMapping[str, float]):
         self.table = table
         self._connection = connection
         self._texts = texts
-        self._names: dict[int, str] = {}
-        self._by_name: dict[str, float] = {}
-        self._count = 0
+        self._cache = _Values()
+        self._incoming: _Values | None = None
+        """What a download under way has brought. The cache stays whole meanwhile: other threads read it."""
         self.on_change: Callable[[Mapping[str, tuple[float, float]]], None] | None = None
         """Called with {name: (before, after)} when the robot has confirmed what was set here."""
         connection.add_listener(self._take)
@@ -91,12 +111,12 @@ class Parameters(MutableMapping[str, float]):
     # ---- the mapping
 
     def __getitem__(self, name: str) -> float:
-        if name not in self._by_name:
+        if name not in self._cache.by_name:
             if name not in self.table and not self.complete:
                 self.download()
             self._require_known(name)
             return self.read(name)
-        return self._by_name[name]
+        return self._cache.by_name[name]
 
     def __setitem__(self, name: str, value: ParameterValue) -> None:
         self._hear_others([name])
@@ -109,24 +129,25 @@ class Parameters(MutableMapping[str, float]):
 
     def __iter__(self) -> Iterator[str]:
         self._complete()
-        return iter([self._names[index] for index in sorted(self._names)])
+        names = self._cache.names
+        return iter([names[index] for index in sorted(names)])
 
     def __len__(self) -> int:
         self._complete()
-        return self._count
+        return self._cache.count
 
     def __contains__(self, name: object) -> bool:
-        return name in self._by_name or name in self.table
+        return name in self._cache.by_name or name in self.table
 
     @property
     def known(self) -> Mapping[str, float]:
         """The values that have come so far, without asking for more."""
-        return dict(self._by_name)
+        return dict(self._cache.by_name)
 
     @property
     def complete(self) -> bool:
         """Whether every parameter of the robot is in the cache."""
-        return 0 < self._count == len(self._names)
+        return self._cache.complete
 
     def info(self, name: str) -> Parameter | None:
         """Return what params.toml says about a parameter, None if this package does not know it."""
@@ -134,9 +155,7 @@ class Parameters(MutableMapping[str, float]):
 
     def forget(self) -> None:
         """Empty the cache, for instance after the robot restarted."""
-        self._names.clear()
-        self._by_name.clear()
-        self._count = 0
+        self._cache = _Values()
 
     # ---- reading
 
@@ -144,55 +163,53 @@ class Parameters(MutableMapping[str, float]):
         """Ask the robot for one value now. Raises LinkTimeoutError."""
         request = self._request(name.encode(), NOT_AN_INDEX)
         self._ask(request, name)
-        return self._by_name[name]
+        return self._cache.by_name[name]
 
     def download(self, progress: Progress | None = None) -> dict[str, float]:
         """Fetch all parameters afresh; lost ones are asked for again.
 
         ``progress`` is called with (received, total). Raises LinkTimeoutError if the robot stops answering.
         """
-        self.forget()
-        target = self._target()
-        self._connection.send(mavlink.MAVLink_param_request_list_message(*target))
+        self._incoming = incoming = _Values()
+        try:
+            self._download_into(incoming, progress)
+        finally:
+            self._incoming = None
+        self._cache = incoming
+        return dict(incoming.by_name)
+
+    def _download_into(self, incoming: _Values, progress: Progress | None) -> None:
+        self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
         silent = 0
-        while not self.complete:
-            if self._listen(progress):
+        while not incoming.complete:
+            if self._listen(incoming, progress):
                 silent = 0
                 continue
             silent += 1
             if silent >= TRIES:
-                raise self._download_error()
-            self._ask_for_missing(silent)
-        return dict(self._by_name)
+                raise _download_error(incoming)
+            self._ask_for_missing(incoming, silent)
 
-    def _listen(self, progress: Progress | None) -> bool:
+    def _listen(self, incoming: _Values, progress: Progress | None) -> bool:
         """Take PARAM_VALUEs until all are there or none comes for a while; return whether there were new ones."""
-        before = len(self._names)
+        before = len(incoming.names)
         quiet = QUIET_S if before else REPLY_TIMEOUT_S
-        while not self.complete and self._connection.wait(_is_parameter, quiet) is not None:
+        while not incoming.complete and self._connection.wait(_is_parameter, quiet) is not None:
             if progress is not None:
-                progress(len(self._names), self._count)
-        return len(self._names) > before
+                progress(len(incoming.names), incoming.count)
+        return len(incoming.names) > before
 
-    def _ask_for_missing(self, times: int) -> None:
+    def _ask_for_missing(self, incoming: _Values, times: int) -> None:
         """Ask for some of what is missing, each ``times`` over: a last one or two must not fail on a bad link."""
-        if not self._count:
+        if not incoming.count:
             for _ in range(_copies(times)):
                 self._connection.send(mavlink.MAVLink_param_request_list_message(*self._target()))
             return
-        missing = [index for index in range(self._count) if index not in self._names]
+        missing = [index for index in range(incoming.count) if index not in incoming.names]
         if len(missing) <= FEW:
             times = max(times, 2)
         for index in missing[: max(WINDOW // times, 1)] * times:
             self._connection.send(self._request(b"", index))
-
-    def _download_error(self) -> LinkTimeoutError:
-        if not self._count:
-            return LinkTimeoutError("the robot does not answer the request for its parameters")
-        return LinkTimeoutError(
-            f"the robot stopped answering after {len(self._names)} of {self._count} parameters",
-            hint="a slow radio? lower the telemetry rates (SRn_STATE, SRn_WHEELS) of that link",
-        )
 
     # ---- writing
 
@@ -223,7 +240,7 @@ class Parameters(MutableMapping[str, float]):
         try:
             self._set_in_any_order(todo)
         except ParameterError:
-            self._set_back({name: old[name] for name in todo if self._by_name.get(name) != old[name]})
+            self._set_back({name: old[name] for name in todo if self._cache.by_name.get(name) != old[name]})
             raise
 
     def _hear_others(self, names: Iterable[str]) -> None:
@@ -275,13 +292,13 @@ class Parameters(MutableMapping[str, float]):
         )
         for _ in range(SET_TRIES):
             self._ask(message, name)
-            if self._by_name[name] == value:
+            if self._cache.by_name[name] == value:
                 return
             reasons = self._texts.reasons_since(mark)
             if reasons or self._confirmed_late(name, value):
                 break
-        if self._by_name[name] != value:
-            raise ParameterRefusedError(name, value, self._by_name[name], reasons)
+        if self._cache.by_name[name] != value:
+            raise ParameterRefusedError(name, value, self._cache.by_name[name], reasons)
 
     def _confirmed_late(self, name: str, value: float) -> bool:
         """Whether the value comes yet: without a reason, the other one may be the late answer to an earlier request."""
@@ -318,11 +335,9 @@ class Parameters(MutableMapping[str, float]):
     def _take(self, message: Message) -> None:
         if not _is_parameter(message):
             return
-        name = _name_of(message)
-        self._by_name[name] = float(message.param_value)
-        if message.param_index < message.param_count:
-            self._count = message.param_count
-            self._names[message.param_index] = name
+        self._cache.take(message)
+        if self._incoming is not None:
+            self._incoming.take(message)
 
     def _ask(self, message: Any, name: str) -> None:
         for number in range(TRIES):
@@ -346,8 +361,17 @@ class Parameters(MutableMapping[str, float]):
             self.download()
 
     def _require_known(self, name: str) -> None:
-        if name not in self.table and name not in self._by_name:
-            raise unknown_parameter(name, {**self.table, **self._by_name})
+        if name not in self.table and name not in self._cache.by_name:
+            raise unknown_parameter(name, {**self.table, **self._cache.by_name})
+
+
+def _download_error(incoming: _Values) -> LinkTimeoutError:
+    if not incoming.count:
+        return LinkTimeoutError("the robot does not answer the request for its parameters")
+    return LinkTimeoutError(
+        f"the robot stopped answering after {len(incoming.names)} of {incoming.count} parameters",
+        hint="a slow radio? lower the telemetry rates (SRn_STATE, SRn_WHEELS) of that link",
+    )
 
 
 def _copies(retries: int) -> int:

@@ -12,6 +12,9 @@ from omniwheel.telemetry import StatusText, decode
 KEPT = 200
 REASON_WAIT_S = 0.3
 _QUIET_SEVERITY = 6
+HELD_BY = "held by station "
+STOPPED_BY = ("stopped by station ", HELD_BY)
+"""How the robot begins to say that another station ended a motion."""
 
 
 class TextLog:

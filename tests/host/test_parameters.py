@@ -30,6 +30,26 @@ def test_download_gives_every_parameter_in_the_robots_order(fake: Any, robot: Ro
     assert seen[-1] == (len(fake.values), len(fake.values))
 
 
+def test_what_is_known_stays_known_while_it_is_downloaded_anew(fake: Any, robot: Robot) -> None:
+    values = robot.parameters.download()
+    fake.values["ISMC_LAM_XY"] = 3.0
+    seen: list[bool] = []
+    robot.connection.add_listener(
+        lambda _: seen.append(robot.parameters.known.keys() == values.keys() and robot.parameters.complete)
+    )
+    assert robot.parameters.download() == {**values, "ISMC_LAM_XY": 3.0}
+    assert seen
+    assert all(seen)
+
+
+def test_a_download_that_fails_leaves_what_is_known(fake: Any, robot: Robot) -> None:
+    values = robot.parameters.download()
+    fake.silent = True
+    with pytest.raises(LinkTimeoutError):
+        robot.parameters.download()
+    assert robot.parameters.known == values
+
+
 @pytest.mark.full
 @pytest.mark.parametrize(("loss", "seeds"), [(0.1, 10), (0.3, 10), (0.5, 100)])
 def test_download_survives_loss(fake_robot: Callable[..., Any], loss: float, seeds: int) -> None:

@@ -16,6 +16,7 @@ import pytest
 from playwright.sync_api import Page
 from starlette.websockets import WebSocketState
 
+import omniwheel
 from omniwheel.studio.access import Access
 from omniwheel.studio.outbox import Outbox
 from omniwheel.studio.server import StudioServer
@@ -24,7 +25,7 @@ from omniwheel.studio.studio import Page as StudioPage
 from omniwheel.studio.studio import Studio
 from omniwheel.telemetry import StatusText
 from tests.studio.parts import Opener, Program, let_live, running, studio, until
-from tests.waiting import receive_until
+from tests.waiting import receive_until, wait_until
 
 PLOTS = """
 const { Plots } = await import("/page/plots.js");
@@ -400,6 +401,32 @@ def test_a_page_gets_a_robots_tables_once_and_only_when_values_can_be_set(
     finally:
         go_on.set()
         studio_.close()
+
+
+@pytest.mark.full
+def test_a_page_that_comes_while_an_experiment_reads_the_parameters_anew_is_told_all(tmp_path: Path) -> None:
+    link = str(tmp_path / "robot")
+    studio_ = Studio(tmp_path)
+    news: list[dict[str, Any]] = []
+
+    def read_anew(robot: omniwheel.Robot) -> None:
+        pages = [StudioPage(number) for number in range(3)]
+        robot.connection.add_listener(lambda _: news.extend(studio_.news(page) for page in pages))
+        robot.parameters.download()
+
+    try:
+        with running("sitl", "--link", f"pty:{link}", "--storage", str(tmp_path / "storage")):
+            studio_.session = session = Session(link)
+            session.start()
+            wait_until(lambda: session.phase == "connected", "no robot is connected")
+            parameters = told(studio_, studio_.open_page())["parameters"]
+            session.do(read_anew).result(60.0)
+    finally:
+        studio_.close()
+    tables = [found for found in news if "tables" in found]
+    assert len(tables) == 3, "once for each page"
+    assert all(found["parameters"] == parameters for found in tables)
+    assert sum("parameters" in found for found in news) == 3
 
 
 def test_a_robots_texts_are_told_once_and_before_its_tables(tmp_path: Path) -> None:
