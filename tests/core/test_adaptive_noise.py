@@ -40,7 +40,7 @@ class Adaptive:
         plain = reference.Noise()
         for turned, factor, slip_noise in motion:
             filter_.noise = reference.Noise(
-                plain.q_xy * factor, plain.q_theta * factor, plain.q_slip * factor * slip_noise
+                plain.q_xy * factor, plain.q_theta * factor, plain.q_slip * min(factor, 4.0) * slip_noise
             )
             filter_.predict(turned)
 

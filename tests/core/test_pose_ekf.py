@@ -105,6 +105,8 @@ class Ekf:
         copy.refused = copy.refused_in_row = 0
         copy.nis = 0.0
         copy.innovation = [0.0] * 3
+        copy.refused_first = copy.refused_against = ffi.new("omni_pose_t *")[0]
+        copy.refused_from_m = 0.0
         return bytes(ffi.buffer(copy))
 
 

@@ -83,3 +83,15 @@ def test_fixes_that_come_too_rarely_are_not_compared(robot: FakeRobot) -> None:
             robot.send(USB, HEARTBEAT, velocity(0.0))
             robot.tick(100)
     assert not any(TOLD in text for text in robot.texts())
+
+
+def test_a_restart_of_the_estimate_is_told_once(robot: FakeRobot) -> None:
+    """The tracker has been set anew by half a metre: refused fixes that agree restart the estimate."""
+    robot.armed()
+    said: list[str] = []
+    for step in range(200):
+        x, shaken = 0.5 * (step >= 100), 1e-4 * (step % 2)
+        robot.send(USB, HEARTBEAT, velocity(0.0), compact((x, shaken, 0.0), now_us(robot)))
+        robot.tick(PERIOD_MS)
+        said += robot.texts()  # the next question forgets them
+    assert sum(text.startswith("pose restarted") for text in said) == 1

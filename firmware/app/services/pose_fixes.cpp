@@ -58,6 +58,15 @@ void PoseFixes::restart() {
     drift_.restart();
 }
 
+OMNI_COLD void PoseFixes::take_report() {
+    const TickReport &report = robot_.latest();
+    if (report.fix_restarts > restarts_) {
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("pose restarted: fixes agree, wheels do not"));
+    }
+    restarts_ = report.fix_restarts; // fewer after the control core has restarted
+    drift_.take(report.outputs);
+}
+
 /// In place of the oldest if there is no room.
 void PoseFixes::wait(const omni_pose_fix_t &fix) {
     if (count_ == most_waiting) {

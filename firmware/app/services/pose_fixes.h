@@ -26,7 +26,7 @@ public:
     void on_compact(const Frame &frame);
     void restart();
     /// The tick has reported once more.
-    void take_report() { drift_.take(robot_.latest().outputs); }
+    void take_report();
     /// Pass on what waits. Once per pass, and once per tick.
     void serve();
 
@@ -52,6 +52,7 @@ private:
     omni_pose_fix_t waiting_[most_waiting] = {};
     size_t first_ = 0; ///< the oldest that waits
     size_t count_ = 0;
+    uint32_t restarts_ = 0; ///< of the pose filter, that have been said
     FixDrift drift_;
 };
 

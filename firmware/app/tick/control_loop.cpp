@@ -359,6 +359,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.fix_us = robot_.estimator.pose_ekf.last_fix_us;
     out.noise_factor = robot_.estimator.pose_ekf.noise_factor;
     out.fix_factor = robot_.estimator.pose_ekf.fix_factor;
+    out.fix_restarts = robot_.estimator.pose_ekf.restarts;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
     std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);

@@ -41,6 +41,7 @@ struct TickReport {
     uint64_t fix_us = 0;             ///< when the last pose fix that was used came; 0: none since the pose was set
     float noise_factor = 1.0f;       ///< lambda of the pose filter, omni/pose_ekf.h
     float fix_factor = 1.0f;         ///< rho
+    uint32_t fix_restarts = 0;       ///< restarts of the pose filter from refused fixes that agree with each other
     int32_t counts[OMNI_MAX_WHEELS] = {};
     uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};

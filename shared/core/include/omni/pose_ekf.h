@@ -59,9 +59,29 @@
  *
  * rho multiplies the variance of a fix: squares that stay above what S says make the filter less sure. It cannot fall
  * below 1, so chance alone would hold it above: OMNI_EKF_FIX_MARGIN takes that away. Both stand still while the robot
- * does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with adapt = 0. What a
- * slot of the history gathered is kept with the factor of its time, so a late fix is still exact
- * (docs/concepts/derivations/adaptive_noise.md).
+ * does, without fixes, and for a fix that is refused. Both are 1 after a restart, and always with adapt = 0. q_slip
+ * takes at most OMNI_EKF_MOST_SLIP_NOISE of lambda: fixes that are late and do not say so drive lambda to its end, and
+ * slip ratios that follow each of them would spoil the motion between two fixes. What a slot of the history gathered is
+ * kept with the factor of its time, so a late fix is still exact (docs/concepts/derivations/adaptive_noise.md).
+ *
+ * Process noise is white, but what wheels are off by lasts: between two fixes it grows with the distance D, not with
+ * its root. A filter tuned for many fixes is overconfident between few, and would refuse every correct one. So a fix
+ * whose NIS exceeds 16.27 (99.9 % of a chi-square with three degrees of freedom) is judged once more, with the
+ * covariance that slip ratios of variance v cause over D. D is the wheels' distance since the last fix that was used (a
+ * turn counts as the distance of a wheel, at the lever l; n wheels). A ratio may be wrong by a third of itself, too:
+ *
+ *   v = p_slip + sum (s_i / 3)^2,   P_xx, P_yy += v D^2,   P_theta += v D^2 / (n l^2)
+ *
+ * If the NIS is then at most 16.27, the fix is used with that P. If not, P stays, and the gate judges the fix as it
+ * was. D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is
+ * further away than the wheels may have slipped since the last used fix. After a refused fix this is done only for one
+ * that agrees with it (below): else a frozen tracker would be believed when D is long. Without a gate it is not done.
+ *
+ * The gate also refuses fixes after somebody has carried the robot. So refused fixes that agree with each other restart
+ * the estimate: each one has moved since the first of them as the wheels say, up to slip ratios of variance p_slip and
+ * the fixes' noise (95 %). gate_restart of them are needed; OMNI_EKF_RESTART_FIXES suffice if no fix was used for
+ * OMNI_EKF_ALONE_US and the wheels have rolled OMNI_EKF_RESTART_M since the first. A tracker that is frozen does not
+ * agree with wheels that roll, and is refused for good. With headings of fixes unknown only distances are compared.
  *
  * The noise that fixes ask for is what changes from one fix to the next. What stays the same for longer, they correct.
  * Without fixes it adds up. So q_xy and q_theta count (1 + alone) times when no fix was used, and no pose was set, for
@@ -99,12 +119,18 @@ enum {
     OMNI_EKF_HISTORY = 64,                          /**< slots of the motion history */
     OMNI_EKF_SLOT_TICKS = 4,                        /**< most ticks of a slot: at 1 kHz a reach of 256 ms */
     OMNI_EKF_SLOT_US = 8000,                        /**< a slot is complete after this time, too */
-    OMNI_EKF_ALONE_US = 2000000                     /**< the filter is alone when no fix was used for longer */
+    OMNI_EKF_ALONE_US = 2000000,                    /**< the filter is alone when no fix was used for longer */
+    OMNI_EKF_RESTART_FIXES = 5                      /**< so many that agree restart a filter that is alone */
 };
+
+#define OMNI_EKF_RESTART_M                                                                                             \
+    0.2f /**< if the wheels have rolled so far since the first: fixes that agree by
+                                                 chance, or because nothing moves, do not count [m] */
 
 #define OMNI_EKF_ADAPT_STEP 0.3f            /**< most that a fix changes lambda by, as a share of it */
 #define OMNI_EKF_LEAST_NOISE (1.0f / 64.0f) /**< least lambda */
 #define OMNI_EKF_MOST_NOISE 1024.0f         /**< greatest lambda: 32 times the deviation that is configured */
+#define OMNI_EKF_MOST_SLIP_NOISE 4.0f       /**< greatest lambda that multiplies q_slip: 2 times the deviation */
 #define OMNI_EKF_MOST_FIX_NOISE 16.0f       /**< greatest rho */
 #define OMNI_EKF_FIX_MARGIN 0.1f            /**< share by which squares must be too large before rho grows */
 
@@ -127,7 +153,7 @@ typedef struct omni_pose_ekf_config_t {
     omni_real_t r_xy;      /**< variance of a fix, m^2 */
     omni_real_t r_theta;   /**< rad^2 */
     omni_real_t gate;      /**< NIS above this is refused; 0: no gate */
-    uint16_t gate_restart; /**< refused fixes in a row after which the estimate restarts */
+    uint16_t gate_restart; /**< refused fixes that agree with each other after which the estimate restarts */
     omni_real_t step_s;
     bool gyro;             /**< there is one: its bias and the error of its scale are states */
     omni_real_t q_turn;    /**< variance that the gyro's noise adds to theta per step, rad^2 */
@@ -209,14 +235,18 @@ typedef struct omni_pose_ekf_state_t {
     omni_uint_t accepted;              /**< fixes used */
     omni_uint_t refused;               /**< fixes gated out, too old, from the future, or not finite */
     omni_uint_t restarts;
-    uint16_t refused_in_row;   /**< gated out in a row */
-    uint64_t last_fix_us;      /**< arrival of the last accepted fix; 0: none yet */
-    uint64_t last_taken_us;    /**< when the last accepted fix was taken; 0: none yet */
-    uint64_t told_us;          /**< when the pose was last told: by a fix that was used, set, or at the first tick */
-    omni_real_t turn_noise;    /**< variance of theta that is not in `p` yet: too little for its last bit */
-    omni_real_t slot_turn_rad; /**< gyro's rate summed over the slot being filled, bias included */
-    omni_real_t slot_turn_s;   /**< time over which it was summed */
-    omni_real_t slot_rest;     /**< ticks of the slot at rest, and those in which the gyro gave the turn */
+    uint16_t refused_in_row;     /**< gated out in a row, agreeing with the first of them */
+    uint64_t last_fix_us;        /**< arrival of the last accepted fix; 0: none yet */
+    uint64_t last_taken_us;      /**< when the last accepted fix was taken; 0: none yet */
+    uint64_t told_us;            /**< when the pose was last told: by a fix that was used, set, or at the first tick */
+    omni_real_t since_fix_m;     /**< D: sum over slots of |dx| + |dy| + l |dtheta| since a fix was used */
+    omni_pose_t refused_first;   /**< of the refused fixes that agree with each other: the first one, */
+    omni_pose_t refused_against; /**< the estimate at its time, */
+    omni_real_t refused_from_m;  /**< and D then */
+    omni_real_t turn_noise;      /**< variance of theta that is not in `p` yet: too little for its last bit */
+    omni_real_t slot_turn_rad;   /**< gyro's rate summed over the slot being filled, bias included */
+    omni_real_t slot_turn_s;     /**< time over which it was summed */
+    omni_real_t slot_rest;       /**< ticks of the slot at rest, and those in which the gyro gave the turn */
     omni_real_t slot_turns;
     omni_real_t turn_apart;      /**< what the gyro turned less than the wheels in a slot [rad], mean of about eight */
     omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
@@ -282,7 +312,7 @@ void omni_pose_ekf_settle(omni_pose_ekf_state_t *state, const omni_pose_ekf_conf
                           const omni_kinematics_t *k);
 
 /**
- * Use a fix, late or not. The fix that reaches gate_restart restarts the estimate and counts as used.
+ * Use a fix, late or not. Enough refused ones that agree restart the estimate; the last of them counts as used.
  * @return OMNI_OK used. OMNI_ERR_RANGE gated out, or the covariance is spoilt. OMNI_ERR_TIME older than the
  * history, not newer than the last used one, from the future (> 5 ms), or no tick yet. OMNI_ERR_NOT_FINITE.
  * OMNI_ERR_LOCKED in mode odometry, which ignores fixes. When a fix is refused, counters and diagnostics

@@ -9,6 +9,10 @@ enum { FUTURE_US = 5000 };
 /* Smallest variance taken for a fix (1 um, 1 urad): keeps the innovation covariance invertible. */
 static const omni_real_t least_variance = 1e-12f;
 
+/* Quantiles of a chi-square with three degrees of freedom. */
+static const omni_real_t chi2_999 = 16.27f; /* 99.9 % */
+static const omni_real_t chi2_95 = 7.81f;   /* 95 % */
+
 /* |dx| + |dy| + |dtheta| of a slot of the history from which the robot moves: 10 mm/s, or 10 mrad/s. */
 static const omni_real_t least_motion = 4e-5f;
 
@@ -198,6 +202,43 @@ static bool innovation_covariance(update_t *u, const omni_pose_ekf_state_t *stat
                            : innovation_covariance_columns(u, state, u->columns);
 }
 
+/* Variance of x and of y from slip ratios of this variance over a distance of the wheels. That of theta: the next. */
+static inline omni_real_t slip_variance(omni_real_t ratio, omni_real_t distance_m) {
+    return ratio * distance_m * distance_m;
+}
+
+static inline omni_real_t slip_turn_variance(const omni_kinematics_t *k, omni_real_t variance) {
+    return variance / (k->b[0][2] * k->b[0][2] * (omni_real_t)k->wheels);
+}
+
+/*
+ * The NIS is unlikely: judge the fix once more, with the covariance of wheels that have slipped since the last used
+ * fix. Where the fix is likely then, `p` keeps it.
+ * @return the NIS that counts; everything up to the factors of S is that of the `p` that is left
+ */
+static omni_real_t inflate_for_slip(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                                    omni_pose_ekf_state_t *state, omni_real_t nis) {
+    const omni_flag_t unlikely = nis > chi2_999;
+    omni_real_t ratio = config->p_slip; /* beside it, a ratio that is not 0 may be wrong by a third of itself */
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        ratio += state->slip[i] * state->slip[i] * (1.0f / 9.0f);
+    }
+    const omni_real_t variance = omni_select(unlikely, slip_variance(ratio, state->since_fix_m), 0.0f);
+    const omni_real_t before[OMNI_AXES] = {state->p[0][0], state->p[1][1], state->p[2][2]};
+    state->p[0][0] += variance;
+    state->p[1][1] += variance;
+    state->p[2][2] += slip_turn_variance(k, variance);
+    const omni_real_t inflated = innovation_covariance(u, state) ? normalised_square(u) : nis;
+    const omni_flag_t fits = inflated <= chi2_999;
+    for (int axis = 0; axis < OMNI_AXES; ++axis) {
+        state->p[axis][axis] = omni_select(fits, state->p[axis][axis], before[axis]);
+    }
+    if (omni_all(fits)) {
+        return inflated;
+    }
+    return innovation_covariance(u, state) ? normalised_square(u) : nis;
+}
+
 static void set_innovation(update_t *u, const omni_pose_ekf_state_t *state, const omni_pose_fix_t *fix) {
     const omni_real_t *move = u->window.move;
     u->innovation[0] = (fix->pose.x - state->pose.x) + (move[0] - state->carry[0]);
@@ -217,13 +258,16 @@ static void move_to_fix(const update_t *u, omni_pose_ekf_state_t *state) {
     omni_ekf_shift(state, delta, u->columns);
 }
 
-/* The estimate contradicts too many fixes in a row: take over this one, carried to now; columns start anew. */
+/* The estimate contradicts too many fixes that agree: take over this one, carried to now; columns start anew. */
 static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
                                 const omni_pose_fix_t *fix, omni_pose_ekf_state_t *state) {
     omni_ekf_restart_slips(state, config, omni_ekf_slips(config, k));
     omni_ekf_history_rebase(state, u->columns);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
     set_innovation(u, state, fix);
+    const omni_flag_t has_heading = u->r[2] < OMNI_EKF_ANY_HEADING;
+    u->innovation[2] = omni_select(has_heading, u->innovation[2], 0.0f);
+    u->r[2] = omni_select(has_heading, u->r[2], OMNI_EKF_ANY_HEADING);
     move_to_fix(u, state);
     (void)omni_ekf_history_window(state, config, k, u->age_us, &u->window);
     const omni_real_t phi[OMNI_AXES][OMNI_AXES] = {
@@ -238,6 +282,64 @@ static void reinitialise_filter(update_t *u, const omni_pose_ekf_config_t *confi
     }
     omni_ekf_restart_noise(state);
     ++state->restarts;
+}
+
+static omni_pose_t estimate_at(const update_t *u, const omni_pose_fix_t *fix) {
+    const omni_pose_t pose = {fix->pose.x - u->innovation[0], fix->pose.y - u->innovation[1],
+                              fix->pose.theta - u->innovation[2]};
+    return pose;
+}
+
+/* Motion between two poses, seen from the first: x, y [m], turn [rad]. */
+static void motion_between(const omni_pose_t *from, const omni_pose_t *to, omni_real_t *motion) {
+    omni_real_t sine;
+    omni_real_t cosine;
+    omni_sincosf(from->theta, &sine, &cosine);
+    const omni_real_t dx = to->x - from->x;
+    const omni_real_t dy = to->y - from->y;
+    motion[0] = cosine * dx + sine * dy;
+    motion[1] = cosine * dy - sine * dx;
+    motion[2] = omni_wrap_pi(to->theta - from->theta);
+}
+
+/* Whether a refused fix has moved since the first of its row as the wheels say. */
+static bool agrees_with_first(const update_t *u, const omni_pose_ekf_state_t *state,
+                              const omni_pose_ekf_config_t *config, const omni_kinematics_t *k,
+                              const omni_pose_fix_t *fix) {
+    const omni_pose_t estimate = estimate_at(u, fix);
+    const omni_real_t slip = slip_variance(config->p_slip, state->since_fix_m - state->refused_from_m);
+    const omni_real_t turn_variance = 2.0f * u->r[2] + slip_turn_variance(k, slip);
+    omni_real_t fixes[OMNI_AXES];
+    omni_real_t wheels[OMNI_AXES];
+    motion_between(&state->refused_first, &fix->pose, fixes);
+    motion_between(&state->refused_against, &estimate, wheels);
+    const omni_real_t square = wheels[0] * wheels[0] + wheels[1] * wheels[1];
+    if (!(turn_variance < OMNI_EKF_ANY_HEADING)) {
+        const omni_real_t longer = omni_sqrtf(fixes[0] * fixes[0] + fixes[1] * fixes[1]) - omni_sqrtf(square);
+        return longer * longer <= chi2_95 * (2.0f * u->r[0] + slip);
+    }
+    const omni_real_t variance =
+        2.0f * u->r[0] + slip + u->r[2] * square; /* the first fix's heading turns the motion */
+    const omni_real_t ex = fixes[0] - wheels[0];
+    const omni_real_t ey = fixes[1] - wheels[1];
+    const omni_real_t turn = omni_wrap_pi(fixes[2] - wheels[2]);
+    return (ex * ex + ey * ey) / variance + turn * turn / turn_variance <= chi2_95;
+}
+
+/* The gate refuses a fix. @return true: enough of them agree with each other; the estimate is to restart from it */
+static bool count_refused(const update_t *u, omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                          const omni_kinematics_t *k, const omni_pose_fix_t *fix) {
+    ++state->refused_in_row;
+    if (state->refused_in_row == 1 || !agrees_with_first(u, state, config, k, fix)) {
+        state->refused_in_row = 1;
+        state->refused_first = fix->pose;
+        state->refused_against = estimate_at(u, fix);
+        state->refused_from_m = state->since_fix_m;
+    }
+    const bool rolled = state->since_fix_m - state->refused_from_m > OMNI_EKF_RESTART_M;
+    const bool few_suffice = rolled && omni_ekf_is_alone(state->told_us, state->time_us);
+    return state->refused_in_row >= config->gate_restart ||
+           (few_suffice && state->refused_in_row >= OMNI_EKF_RESTART_FIXES);
 }
 
 static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
@@ -302,15 +404,20 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     if (result != OMNI_OK && !spoilt) {
         return refuse_fix(state, result);
     }
-    const omni_real_t nis = spoilt ? state->nis : normalised_square(&u);
+    omni_real_t nis = spoilt ? state->nis : normalised_square(&u);
     if (!omni_is_finite(nis)) {
         return refuse_fix(state, OMNI_ERR_NOT_FINITE); /* so far away that its square overflows */
+    }
+    if (!spoilt && config->gate > 0.0f && omni_any(nis > chi2_999) &&
+        (state->refused_in_row == 0 || agrees_with_first(&u, state, config, k, fix))) {
+        nis = inflate_for_slip(&u, config, k, state, nis);
     }
     memcpy(state->innovation, u.innovation, sizeof state->innovation);
     state->nis = nis;
     if (spoilt || (config->gate > 0.0f && !(state->nis <= config->gate))) {
-        ++state->refused_in_row;
-        if (state->refused_in_row < config->gate_restart) {
+        const bool restart =
+            spoilt ? ++state->refused_in_row >= config->gate_restart : count_refused(&u, state, config, k, fix);
+        if (!restart) {
             return refuse_fix(state, OMNI_ERR_RANGE);
         }
         if (spoilt && config->gyro) {
@@ -327,6 +434,7 @@ omni_result_t omni_pose_ekf_correct(omni_pose_ekf_state_t *state, const omni_pos
     state->refused_in_row = 0;
     state->last_fix_us = state->time_us;
     state->told_us = state->time_us;
+    state->since_fix_m = 0.0f;
     state->white_factor = state->noise_factor;
     state->last_taken_us = state->time_us - u.age_us;
     return OMNI_OK;

@@ -5,6 +5,9 @@
 
 #include "omni/pose_ekf.h"
 
+/** Variance of a heading that may be any [rad^2]. A fix with more says nothing of it. */
+#define OMNI_EKF_ANY_HEADING (OMNI_PI_F * OMNI_PI_F / 3.0f)
+
 /** Motion of one tick. */
 typedef struct omni_ekf_motion_t {
     omni_real_t move[OMNI_AXES]; /**< dx, dy, dtheta; world frame */

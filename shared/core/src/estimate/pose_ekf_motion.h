@@ -62,7 +62,8 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
-    motion->slip_steps = motion->steps * state->noise_factor;
+    const omni_flag_t bounded = state->noise_factor < OMNI_EKF_MOST_SLIP_NOISE;
+    motion->slip_steps = motion->steps * omni_select(bounded, state->noise_factor, OMNI_EKF_MOST_SLIP_NOISE);
     motion->noise_steps = motion->steps * state->white_factor;
     state->time_us = time_us;
 }
@@ -355,6 +356,12 @@ static inline void end_noise(omni_pose_ekf_state_t *state, const omni_pose_ekf_c
     }
 }
 
+/* D of omni/pose_ekf.h. */
+static inline void add_distance(omni_pose_ekf_state_t *state, const omni_kinematics_t *k) {
+    const omni_real_t *move = state->history[state->newest].move;
+    state->since_fix_m += omni_absf(move[0]) + omni_absf(move[1]) + k->b[0][2] * omni_absf(move[2]);
+}
+
 /* @param turn what a gyro says; NULL: there is none. */
 static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                   const omni_kinematics_t *k, const omni_real_t *wheel_delta_rad,
@@ -378,6 +385,7 @@ static inline void predict_motion(omni_pose_ekf_state_t *state, const omni_pose_
     move_pose(state, motion.move);
     if (omni_ekf_history_add(state, &motion, has_gyro)) {
         end_noise(state, config);
+        add_distance(state, k);
         omni_ekf_settle(state, config, k, slips, columns);
         if (slips > 0 && k->has_null && config->r_null > 0.0f && omni_ekf_has_fixes(state)) {
             use_null(state, config, k, slips, columns);

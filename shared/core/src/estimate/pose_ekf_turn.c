@@ -16,9 +16,6 @@ static const omni_real_t skid_share = 0.125f;
 /* Variance that a slip ratio gathers in a slot while wheels skid: 0.05 in the root of a second. */
 static const omni_real_t skid_noise = 1e-5f;
 
-/* Variance of a heading of which nothing is known: uniform over a turn. */
-static const omni_real_t any_heading = OMNI_PI_F * OMNI_PI_F / 3.0f;
-
 /* What the turn of a slot says: h has an entry per state after the pose. */
 typedef struct turn_measurement_t {
     omni_real_t h[OMNI_EKF_COLUMNS];
@@ -156,7 +153,7 @@ void omni_pose_ekf_turn_back(omni_pose_ekf_state_t *state, const omni_pose_ekf_c
     const omni_real_t doubt = doubt_rad * doubt_rad;
     omni_pose_ekf_settle(state, config, k);
     state->p[2][2] += config->q_theta * state->white_factor * duration_s / config->step_s;
-    state->p[2][2] += omni_select(doubt < any_heading, doubt, any_heading);
+    state->p[2][2] += omni_select(doubt < OMNI_EKF_ANY_HEADING, doubt, OMNI_EKF_ANY_HEADING);
     omni_ekf_shift(state, delta, OMNI_EKF_COLUMNS);
 }
 
