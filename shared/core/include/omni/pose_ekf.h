@@ -249,7 +249,8 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t slot_rest;       /**< ticks of the slot at rest, and those in which the gyro gave the turn */
     omni_real_t slot_turns;
     omni_real_t turn_apart;      /**< what the gyro turned less than the wheels in a slot [rad], mean of about eight */
-    omni_real_t noise_factor;    /**< lambda: of q_xy, q_theta and q_slip; > 0 */
+    omni_real_t noise_factor;    /**< lambda: of q_xy and q_theta; > 0 */
+    omni_real_t slip_factor;     /**< of q_slip: lambda, at most OMNI_EKF_MOST_SLIP_NOISE */
     omni_real_t white_factor;    /**< of q_xy and q_theta: lambda, and what being without fixes adds */
     omni_real_t fix_factor;      /**< rho: of a fix's variances; >= 1 */
     omni_real_t past[OMNI_AXES]; /**< u: whitened innovations so far, as far as they are in the estimate */

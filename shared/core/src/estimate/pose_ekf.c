@@ -31,6 +31,7 @@ void omni_ekf_restart_slips(omni_pose_ekf_state_t *state, const omni_pose_ekf_co
 
 void omni_ekf_restart_noise(omni_pose_ekf_state_t *state) {
     state->noise_factor = 1.0f;
+    state->slip_factor = 1.0f;
     state->fix_factor = 1.0f;
     memset(state->past, 0, sizeof state->past);
 }

@@ -130,6 +130,8 @@ static inline void adapt_noise(const update_t *u, omni_pose_ekf_state_t *state, 
     const omni_real_t noise = state->noise_factor * (1.0f + change);
     const omni_real_t fix = state->fix_factor * (1.0f + 0.05f * rate * square);
     state->noise_factor = omni_clampf(noise, OMNI_EKF_LEAST_NOISE, OMNI_EKF_MOST_NOISE);
+    const omni_flag_t bounded = state->noise_factor < OMNI_EKF_MOST_SLIP_NOISE;
+    state->slip_factor = omni_select(bounded, state->noise_factor, OMNI_EKF_MOST_SLIP_NOISE);
     state->fix_factor = omni_clampf(fix, 1.0f, OMNI_EKF_MOST_FIX_NOISE);
 }
 

@@ -62,8 +62,7 @@ static inline void set_elapsed_time(omni_pose_ekf_state_t *state, const omni_pos
         motion->duration_us = (uint32_t)(elapsed < longest_us ? elapsed : longest_us);
     }
     motion->steps = (omni_real_t)motion->duration_us / nominal_us;
-    const omni_flag_t bounded = state->noise_factor < OMNI_EKF_MOST_SLIP_NOISE;
-    motion->slip_steps = motion->steps * omni_select(bounded, state->noise_factor, OMNI_EKF_MOST_SLIP_NOISE);
+    motion->slip_steps = motion->steps * state->slip_factor;
     motion->noise_steps = motion->steps * state->white_factor;
     state->time_us = time_us;
 }
