@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import cast
 
@@ -21,7 +22,7 @@ from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.procedure import Settings, autotune
-from omniwheel.autotune.room import merged, points, unknown_of
+from omniwheel.autotune.room import Drive, merged, points, unknown_of
 from omniwheel.autotune.sweep import Swept
 from omniwheel.capability.drive_model import model_from_parameters
 from omniwheel.capability.speeds import directions, top_acceleration
@@ -379,19 +380,29 @@ def test_the_bounds_of_its_candidates_are_the_parameters_own() -> None:
 
 
 @pytest.mark.full
-def test_a_robot_whose_wheels_and_pose_fixes_contradict_each_other_is_not_tuned() -> None:
-    """Robot 18 stopped by itself: wheel radius and distance are 28 % wrong, and its pose jumps to a fix at last.
-
-    A filter whose noise levels follow its fixes, as shipped, goes with them. So autotune lets them stay.
-    """
+def test_a_robot_that_refuses_its_pose_fixes_is_not_tuned(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Autotune lets the noise levels stay as they are meanwhile, and restores them."""
     told: list[str] = []
+    drive = procedure.drive
+    levels_meant = read_preset("fixed_noise", parameter_table()).parameters
+    seen: dict[str, float] = {}
+
+    def refused(robot: Robot, places: list[Pose], leg_s: float) -> Drive:
+        seen.update({name: robot.parameters[name] for name in levels_meant})
+        found = drive(robot, places, leg_s)
+        assert found.fixes > 100
+        assert found.fixes_refused < 0.01 * found.fixes, "though its wheel radius is wrong by 28 %"
+        return replace(found, fixes_refused=found.fixes // 5)
+
+    monkeypatch.setattr(procedure, "drive", refused)
     with waiting_robot(draw_robot(18)) as (robot, _):
-        levels = {name: robot.parameters[name] for name in read_preset("fixed_noise", parameter_table()).parameters}
+        levels = {name: robot.parameters[name] for name in levels_meant}
         with pytest.raises(AutotuneError, match="pose fixes") as error:
             autotune(robot, Settings(), True, told.append)
         assert robot.status.state != "failsafe"
         robot.parameters.forget()
         assert {name: robot.parameters[name] for name in levels} == levels, "as they were before"
+    assert seen == pytest.approx(levels_meant)
     assert "wheel radius" in error.value.hint
     assert not any("round" in text for text in told)
 

@@ -73,7 +73,7 @@
  *   v = p_slip + sum (s_i / 3)^2,   P_xx, P_yy += v D^2,   P_theta += v D^2 / (n l^2)
  *
  * If the NIS is then at most 16.27, the fix is used with that P. If not, P stays, and the gate judges the fix as it
- * was. D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is
+ * was. It is not done where v D^2 is below the variance of the fix: then slip explains less than the fix's own noise. D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is
  * further away than the wheels may have slipped since the last used fix. After a refused fix this is done only for one
  * that agrees with it (below): else a frozen tracker would be believed when D is long. Without a gate it is not done.
  *

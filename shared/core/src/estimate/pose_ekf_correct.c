@@ -225,7 +225,9 @@ static omni_real_t inflate_for_slip(update_t *u, const omni_pose_ekf_config_t *c
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         ratio += state->slip[i] * state->slip[i] * (1.0f / 9.0f);
     }
-    const omni_real_t variance = omni_select(unlikely, slip_variance(ratio, state->since_fix_m), 0.0f);
+    const omni_real_t slipped = slip_variance(ratio, state->since_fix_m);
+    const omni_flag_t explains = unlikely && slipped > u->r[0];
+    const omni_real_t variance = omni_select(explains, slipped, 0.0f);
     const omni_real_t before[OMNI_AXES] = {state->p[0][0], state->p[1][1], state->p[2][2]};
     state->p[0][0] += variance;
     state->p[1][1] += variance;
