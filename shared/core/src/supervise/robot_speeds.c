@@ -22,7 +22,9 @@ static omni_real_t counted_speed(const omni_robot_config_t *config, omni_int_t n
 static void begin_look(omni_speed_watch_t *watch, const omni_estimator_t *estimator,
                        const omni_actuation_t *actuation) {
     memcpy(watch->counts, estimator->last_counts, sizeof watch->counts);
-    memcpy(watch->reference, actuation->wheel_reference, sizeof watch->reference);
+    for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
+        watch->reference[i] = omni_absf(actuation->wheel_reference[i]);
+    }
     watch->left = OMNI_SPEED_TICKS;
 }
 
@@ -49,8 +51,8 @@ static void look_at_wheels(omni_speed_watch_t *watch, const omni_robot_config_t 
     for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
         const omni_real_t speed = counted_speed(config, estimator->last_counts[i], watch->counts[i], i, per_count);
         const omni_real_t now = omni_absf(actuation->wheel_reference[i]);
-        const omni_real_t before = omni_absf(watch->reference[i]);
-        const omni_real_t reference = omni_select(now > before, now, before);
+        const omni_real_t peak = watch->reference[i]; /* a reference that chatters is low in half of the ticks */
+        const omni_real_t reference = omni_select(now > peak, now, peak);
         const omni_real_t bound = watch->armed ? excess * reference + tolerance * limit : at_rest * limit;
         /* A count is more than its share of the time. */
         const omni_flag_t beyond = omni_absf(speed) > bound + per_count;

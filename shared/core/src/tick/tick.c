@@ -160,24 +160,26 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
     outputs->nis = estimate->nis;
     outputs->fixes_accepted = estimate->fixes_accepted;
     outputs->fixes_refused = estimate->fixes_refused;
-    outputs->gyro_rad_s = 0.0f;
-    outputs->gyro_bias = 0.0f;
-    outputs->gyro_bias_sd = 0.0f;
-    outputs->gyro_used = false;
     if (config->gyro.axis != 0) {
         report_gyro(estimator, outputs);
+    } else {
+        outputs->gyro_rad_s = 0.0f;
+        outputs->gyro_bias = 0.0f;
+        outputs->gyro_bias_sd = 0.0f;
+        outputs->gyro_used = false;
     }
-    memset(outputs->flow_sum, 0, sizeof outputs->flow_sum);
-    outputs->flow_nis = 0.0f;
-    outputs->flow_used = 0u;
-    outputs->flow_refused = 0u;
-    outputs->flow_came = 0u;
-    outputs->flow_lost = 0u;
-    outputs->flow_off_rad = 0.0f;
-    outputs->flow_usable = false;
-    outputs->flow_leads = false;
     if (config->flow.axes != 0) {
         report_flow(&estimator->flow, outputs);
+    } else {
+        memset(outputs->flow_sum, 0, sizeof outputs->flow_sum);
+        outputs->flow_nis = 0.0f;
+        outputs->flow_used = 0u;
+        outputs->flow_refused = 0u;
+        outputs->flow_came = 0u;
+        outputs->flow_lost = 0u;
+        outputs->flow_off_rad = 0.0f;
+        outputs->flow_usable = false;
+        outputs->flow_leads = false;
     }
 }
 
@@ -210,13 +212,17 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     /* Its frame is not to be on the stack while the pose filter has the deepest of the tick. */
     __attribute__((noinline));
 
-/* Most ticks only count: the watch itself is a call that is seldom made. */
+/* Most ticks only count, and keep the peak of one wheel's reference: the watch itself is a call that is seldom made. */
 static inline __attribute__((always_inline)) void watch_speeds_when_due(omni_robot_t *robot,
                                                                         const omni_estimate_t *estimate,
                                                                         const omni_target_t *target,
                                                                         const omni_actuation_t *actuation) {
     omni_speed_watch_t *speeds = &robot->supervisor.speeds;
     if (speeds->left > estimate->steps) {
+        const uint32_t wheel = speeds->left % OMNI_MAX_WHEELS;
+        const omni_real_t reference = omni_absf(actuation->wheel_reference[wheel]);
+        const omni_real_t peak = speeds->reference[wheel];
+        speeds->reference[wheel] = omni_select(reference > peak, reference, peak);
         speeds->left -= estimate->steps;
     } else {
         omni_robot_watch_speeds(speeds, robot->config, &robot->estimator, estimate, target, actuation);
