@@ -346,7 +346,8 @@ void ControlLoop::integrate_voltage() {
 
 void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     TickReport &out = report.writing();
-    out.arming_faults = omni_robot_arming_faults(&robot_);
+    const bool armed = out.outputs.state == OMNI_STATE_ARMED; // it cannot be armed again
+    out.arming_faults = armed ? static_cast<uint32_t>(OMNI_FAULT_CONFIG) : omni_robot_arming_faults(&robot_);
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
     out.i2c_errors = driver_->errors();

@@ -256,7 +256,7 @@ typedef struct omni_stall_watch_t {
 /** Whether the wheels turn faster than they are asked to. Looked at in every OMNI_SPEED_TICKS-th tick. */
 typedef struct omni_speed_watch_t {
     omni_int_t counts[OMNI_MAX_WHEELS];     /**< of the encoders, at the last look */
-    omni_real_t reference[OMNI_MAX_WHEELS]; /**< largest magnitude since the last look, every fourth tick [rad/s] */
+    omni_real_t reference[OMNI_MAX_WHEELS]; /**< largest magnitude since the last look, every 16th tick [rad/s] */
     omni_real_t first[OMNI_MAX_WHEELS];     /**< speed when a wheel became too fast [rad/s]; 0: it is not */
     omni_real_t looks[OMNI_MAX_WHEELS];     /**< for how many looks it has been; more than OMNI_SPEED_LOOKS: a fault */
     omni_uint_t fault;                      /**< OMNI_FAULT_OVERSPEED: any wheel has; or 0 */

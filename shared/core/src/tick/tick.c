@@ -212,17 +212,19 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     /* Its frame is not to be on the stack while the pose filter has the deepest of the tick. */
     __attribute__((noinline));
 
-/* Most ticks only count, and keep the peak of one wheel's reference: the watch itself is a call that is seldom made. */
+/* Most ticks only count, or keep the peak of a wheel's reference: the watch itself is a call that is seldom made. */
 static inline __attribute__((always_inline)) void watch_speeds_when_due(omni_robot_t *robot,
                                                                         const omni_estimate_t *estimate,
                                                                         const omni_target_t *target,
                                                                         const omni_actuation_t *actuation) {
     omni_speed_watch_t *speeds = &robot->supervisor.speeds;
     if (speeds->left > estimate->steps) {
-        const uint32_t wheel = speeds->left % OMNI_MAX_WHEELS;
-        const omni_real_t reference = omni_absf(actuation->wheel_reference[wheel]);
-        const omni_real_t peak = speeds->reference[wheel];
-        speeds->reference[wheel] = omni_select(reference > peak, reference, peak);
+        const uint32_t wheel = speeds->left % (4 * OMNI_MAX_WHEELS); /* a quarter of the ticks: the time is scarce */
+        if (wheel < OMNI_MAX_WHEELS) {
+            const omni_real_t reference = omni_absf(actuation->wheel_reference[wheel]);
+            const omni_real_t peak = speeds->reference[wheel];
+            speeds->reference[wheel] = omni_select(reference > peak, reference, peak);
+        }
         speeds->left -= estimate->steps;
     } else {
         omni_robot_watch_speeds(speeds, robot->config, &robot->estimator, estimate, target, actuation);
