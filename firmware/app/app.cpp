@@ -29,8 +29,8 @@ OMNI_COLD App::App(const Board &board, bool lockstep)
       parameters_(board_, links_, texts_, robot_, control_, *this),
       trial_(board_, texts_, clock_, robot_, heartbeats_, parameters_),
       telemetry_(links_, {board_, clock_, robot_, links_, signing_, legacy_line_, parameters_}),
-      trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
-      setpoints_(texts_, clock_, robot_, control_, parameters_),
+      trajectories_(texts_, clock_, robot_, heartbeats_, control_, parameters_),
+      excitations_(texts_, robot_, control_, parameters_), setpoints_(texts_, clock_, robot_, control_, parameters_),
       pose_fixes_(texts_, clock_, robot_, control_, parameters_),
       status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_, board_.gyro_chip,
                     board_.flow_chip),
@@ -419,6 +419,7 @@ void App::serve() {
 }
 
 void App::flush() {
+    trajectories_.serve();
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].flush();
     }

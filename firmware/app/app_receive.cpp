@@ -14,6 +14,7 @@ constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or ne
 void App::greet(size_t link) {
     parameters_.stop_list(link);
     burst_log_.forget(link);
+    trajectories_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
     tell_newcomer(link);

@@ -75,7 +75,20 @@ void Trajectories::say_slowed(const omni_trajectory_t &path) {
     texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
+/// In a state that only a release or a disarming leads out of, or on the way there.
+bool Trajectories::stopped() const {
+    const uint8_t state = robot_.state();
+    return state == OMNI_STATE_ESTOP || state == OMNI_STATE_FAILSAFE || control_.stopping(OMNI_EVENT_ESTOP);
+}
+
 OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
+    if (robot_.disarming() || robot_.releasing()) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // no report tells yet what state that leads to
+    }
+    if (stopped()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: release or disarm first"));
+        return MAV_RESULT_DENIED;
+    }
     type_ = type;
     laps_ = laps;
     period_s_ = period_s;
@@ -85,6 +98,7 @@ OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, co
         return result;
     }
     asker_ = sender;
+    asked_us_ = clock_.now_us;
     waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
     if (!waiting_) {
         control_.plans.publish();
@@ -120,6 +134,14 @@ OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &po
     }
     waypoints_.pose[waypoints_.count++] = pose;
     return MAV_RESULT_ACCEPTED;
+}
+
+OMNI_COLD void Trajectories::watch_asker() {
+    const bool silent = !heartbeats_.stations.present(asker_, asked_us_, clock_.now_us);
+    if (silent) {
+        texts_.say_on(asker_.link, MAV_SEVERITY_NOTICE, Text().add("path not started: its station was silent"));
+    }
+    waiting_ = !silent && !stopped();
 }
 
 void Trajectories::on_arm(const Sender &sender) {
