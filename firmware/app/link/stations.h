@@ -45,6 +45,8 @@ public:
     bool commands(const Sender &sender) const { return commander_ != most && find(sender) == commander_; }
     /// Link of the station in command, or `nobody`.
     size_t commander() const { return commander_ == most ? nobody : stations_[commander_].who.link; }
+    /// The station in command, where there is one.
+    Sender holder() const { return commander_ == most ? Sender{} : stations_[commander_].who; }
     /// The drives of all others end with it.
     void take_command(const Sender &sender, uint64_t now_us);
     void release();

@@ -34,8 +34,6 @@ public:
     uint8_t estop(const Sender &sender);
     /// MAV_CMD_OMNI_ESTOP. Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
     uint8_t estop_or_release(float stop, const Sender &sender);
-    /// For the station whose drive another one ended. @param did "stopped", "held"
-    void tell_who(const char *did, const Sender &sender);
 
 private:
     uint8_t arm(const Sender &sender);
