@@ -195,7 +195,7 @@ OMNI_COLD uint8_t Commands::run_own(const Command &command) {
     case MAV_CMD_OMNI_SET_POSE:
         return set_pose({p[0], p[1], p[2]});
     case MAV_CMD_OMNI_WAYPOINT:
-        return services_.trajectories.set_waypoint(p[0], {p[1], p[2], p[3]});
+        return services_.trajectories.set_waypoint(p[0], {p[1], p[2], p[3]}, command.sender);
     case MAV_CMD_OMNI_ESTOP:
         return services_.arming.estop_or_release(p[0], command.sender);
     case MAV_CMD_OMNI_I2C_SCAN:

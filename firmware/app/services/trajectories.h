@@ -19,14 +19,14 @@ public:
     /// parameter's. @param sender that asks. @return MAV_RESULT
     uint8_t start(float type, float laps, float period_s, const Sender &sender);
     uint8_t stop();
-    /// MAV_CMD_OMNI_WAYPOINT
-    uint8_t set_waypoint(float number, const omni_pose_t &pose);
+    /// MAV_CMD_OMNI_WAYPOINT. Number 0 begins a list, which is that sender's: others add nothing to it, nor start it.
+    uint8_t set_waypoint(float number, const omni_pose_t &pose, const Sender &sender);
     /// Arming: a path that the same station asked for while disarmed is planned anew from where the robot stands now,
     /// and starts. That of another station is forgotten.
     void on_arm(const Sender &sender);
     void on_disarm() { waiting_ = false; }
-    /// This link has somebody else behind it: a path that was asked for there is forgotten.
-    void forget(size_t link) { waiting_ = waiting_ && asker_.link != link; }
+    /// This link has somebody else behind it: a path that was asked for there is forgotten, and a list from there.
+    void forget(size_t link);
     /// Once per pass: a path that waits is forgotten if the robot stops, or if its station falls silent.
     void serve() {
         if (waiting_) {
@@ -38,7 +38,8 @@ public:
 private:
     bool stopped() const;
     void watch_asker();
-    uint8_t plan();
+    uint8_t plan(const Sender &sender);
+    uint8_t refuse_waypoint(const char *why);
     bool accepts(int32_t parameter, float value, const char *name);
     void say_slowed(const omni_trajectory_t &path);
 
@@ -49,6 +50,7 @@ private:
     ControlLoop &control_;
     const Parameters &parameters_;
     omni_waypoints_t waypoints_{};
+    Sender lister_; ///< that sent the waypoints
     float type_ = -1.0f;
     float laps_ = -1.0f;
     float period_s_ = 0.0f;
