@@ -37,7 +37,7 @@ OMNI_COLD App::App(const Board &board, bool lockstep)
       scan_(links_, texts_, clock_, robot_, control_, *this),
       burst_log_(board_, links_, texts_, robot_, control_, parameters_),
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
-              trajectories_, excitations_),
+              trajectories_),
       commands_(*board_.output_enable, clock_, links_, texts_, robot_, control_,
                 {arming_, heartbeats_, setpoints_, parameters_, telemetry_, trajectories_, scan_, burst_log_,
                  excitations_, trial_, *this}),
@@ -419,6 +419,7 @@ void App::serve() {
     status_texts_.serve();
     scan_.serve();
     trial_.serve();
+    trajectories_.serve();
     telemetry_.serve();
     parameters_.serve();
     burst_log_.serve();
@@ -426,7 +427,6 @@ void App::serve() {
 }
 
 void App::flush() {
-    trajectories_.serve();
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].flush();
     }

@@ -91,7 +91,6 @@ uint8_t Arming::arm(const Sender &sender) {
     robot_.expect_arming();
     warn_of_missing_pin();
     trajectories_.on_arm(sender);
-    excitations_.on_arm();
     return MAV_RESULT_ACCEPTED;
 }
 

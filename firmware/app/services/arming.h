@@ -7,7 +7,6 @@
 
 #include "app/link/signing.h"
 #include "app/services/button_watch.h"
-#include "app/services/excitations.h"
 #include "app/services/heartbeats.h"
 #include "app/services/hil_switch.h"
 #include "app/services/scan_service.h"
@@ -25,9 +24,9 @@ public:
     };
 
     Arming(const Conditions &conditions, Texts &texts, RobotState &robot, ControlLoop &control, Heartbeats &heartbeats,
-           ButtonWatch &button, Signing &signing, Trajectories &trajectories, Excitations &excitations)
+           ButtonWatch &button, Signing &signing, Trajectories &trajectories)
         : conditions_(conditions), texts_(texts), robot_(robot), control_(control), heartbeats_(heartbeats),
-          button_(button), signing_(signing), trajectories_(trajectories), excitations_(excitations) {}
+          button_(button), signing_(signing), trajectories_(trajectories) {}
 
     /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param sender that asks. @return MAV_RESULT
     uint8_t command(float wanted, const Sender &sender);
@@ -49,7 +48,6 @@ private:
     ButtonWatch &button_;
     Signing &signing_;
     Trajectories &trajectories_;
-    Excitations &excitations_;
     bool pin_said_ = false;
 };
 

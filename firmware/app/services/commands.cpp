@@ -151,7 +151,7 @@ uint8_t Commands::run_motion(const Command &command) {
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_STOP) {
         result = services_.trajectories.stop();
     } else if (command.id == MAV_CMD_OMNI_EXCITE) {
-        result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]}, command.receipt);
+        result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]});
     }
     if (result == MAV_RESULT_ACCEPTED) {
         note_motion(holds, command.sender);
