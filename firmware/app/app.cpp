@@ -23,21 +23,21 @@ constexpr uint32_t release_limit = 50;
 
 OMNI_COLD App::App(const Board &board, bool lockstep)
     : board_(board), wires_{*board_.i2c, *board_.output_enable, board_.motor_pins}, texts_(links_, clock_),
-      robot_(texts_), signing_(*board_.storage), heartbeats_(clock_, robot_, control_),
+      robot_(texts_), signing_(*board_.storage), heartbeats_(texts_, clock_, robot_, control_),
       button_(board_.stop_button, control_), lockstep_(lockstep),
       signing_service_(signing_, links_, texts_, clock_, robot_), stop_latch_(*board_.storage),
       parameters_(board_, links_, texts_, robot_, control_, *this),
       trial_(board_, texts_, clock_, robot_, heartbeats_, parameters_),
       telemetry_(links_, {board_, clock_, robot_, links_, signing_, legacy_line_, parameters_}),
-      trajectories_(texts_, robot_, control_, parameters_), excitations_(texts_, robot_, control_, parameters_),
-      setpoints_(texts_, clock_, robot_, control_, parameters_),
+      trajectories_(texts_, clock_, robot_, heartbeats_, control_, parameters_),
+      excitations_(texts_, robot_, control_, parameters_), setpoints_(texts_, clock_, robot_, control_, parameters_),
       pose_fixes_(texts_, clock_, robot_, control_, parameters_),
       status_texts_(links_, texts_, clock_, robot_, heartbeats_, button_, parameters_, board_.gyro_chip,
                     board_.flow_chip),
       scan_(links_, texts_, clock_, robot_, control_, *this),
       burst_log_(board_, links_, texts_, robot_, control_, parameters_),
       arming_({*board_.output_enable, scan_, *this}, texts_, robot_, control_, heartbeats_, button_, signing_,
-              trajectories_, excitations_),
+              trajectories_),
       commands_(*board_.output_enable, clock_, links_, texts_, robot_, control_,
                 {arming_, heartbeats_, setpoints_, parameters_, telemetry_, trajectories_, scan_, burst_log_,
                  excitations_, trial_, *this}),
@@ -277,9 +277,16 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_.answer(robot_.latest().outputs, links_[link]);
 }
 
-bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
-    if (Setpoints::is_setpoint(frame) && !heartbeats_.stations.may_stream(sender, clock_.now_us)) {
+bool App::follows(const Sender &sender) {
+    if (!heartbeats_.stations.may_stream(sender, clock_.now_us)) {
         setpoints_.refuse_ended();
+        return false;
+    }
+    return heartbeats_.may_move(sender, true);
+}
+
+bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
+    if (Setpoints::is_setpoint(frame) && !follows(sender)) {
         return true;
     }
     switch (frame.id) {
@@ -412,6 +419,7 @@ void App::serve() {
     status_texts_.serve();
     scan_.serve();
     trial_.serve();
+    trajectories_.serve();
     telemetry_.serve();
     parameters_.serve();
     burst_log_.serve();

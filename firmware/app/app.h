@@ -92,6 +92,8 @@ private:
     void meet(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_setpoint(const Frame &frame, const Sender &sender);
+    /// Whether a set-point of this sender counts. If not, that is said.
+    bool follows(const Sender &sender);
     /// Pose fixes and signs of life.
     bool dispatch_signs(const Frame &frame, const Sender &sender);
     void attach_links();

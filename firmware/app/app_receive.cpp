@@ -14,6 +14,7 @@ constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or ne
 void App::greet(size_t link) {
     parameters_.stop_list(link);
     burst_log_.forget(link);
+    trajectories_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
     tell_newcomer(link);
@@ -81,9 +82,12 @@ void App::take_frames(size_t link) {
     take_legacy_line(link);
 }
 
-/// Refusals go to all links: who sends lines reads no MAVLink.
+/// Refusals go to all links: who sends lines reads no MAVLink. The original robot's host sends nothing but lines: each
+/// is a sign of life too. None arms.
 OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
-    if (!heartbeats_.stations.may_stream(sender, clock_.now_us)) {
+    const bool counts = heartbeats_.stations.may_stream(sender, clock_.now_us);
+    heartbeats_.heard(sender);
+    if (!counts) {
         setpoints_.refuse_ended();
         return;
     }
@@ -93,13 +97,10 @@ OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const S
     }
 }
 
-/// The original robot's host sends nothing but lines: each is a sign of life too. None arms.
 void App::take_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && legacy_line_.take(&setpoint)) {
-        const Sender sender{link}; // a line names no sender
-        take_legacy_setpoint(setpoint, sender);
-        heartbeats_.heard(sender);
+        take_legacy_setpoint(setpoint, Sender{link}); // a line names no sender
     }
 }
 

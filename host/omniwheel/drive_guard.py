@@ -12,7 +12,7 @@ from omniwheel.hub import notices
 from omniwheel.status import RobotStatus
 from omniwheel.telemetry import Heartbeat, Status, StatusText
 from omniwheel.telemetry_parts import decode
-from omniwheel.texts import HELD_BY, STOPPED_BY, TextLog
+from omniwheel.texts import HELD_BY, STOPPED_BY, TAKEN_OVER_BY, TextLog
 
 LATE_S = 0.5
 """A text of before the arming may come so late after the robot has accepted it."""
@@ -67,7 +67,7 @@ class DriveGuard:
     def _tells_of_end(self, text: str) -> bool:
         """Return whether a text ends this drive. Those of the hub keep their order, and so are never too late."""
         late = self._connection.clock() - self._since_s <= LATE_S
-        return notices.ends_drive(text) or (text.startswith(HELD_BY) and not late)
+        return notices.ends_drive(text) or (text.startswith((HELD_BY, TAKEN_OVER_BY)) and not late)
 
     def begin(self) -> None:
         """Take note that this program asks the robot to arm."""
@@ -127,7 +127,7 @@ class DriveGuard:
         """
         texts = [text.text for text in self._texts.since(self._mark)]
         by_hub = [text for text in texts if notices.names_program(text)]
-        by_robot = [text for text in texts if text.startswith(STOPPED_BY)]
+        by_robot = [text for text in texts if text.startswith((*STOPPED_BY, TAKEN_OVER_BY))]
         return next(iter([*by_hub[-1:], *by_robot[-1:]]), "")
 
     def _await_reason(self) -> None:

@@ -15,6 +15,8 @@ _QUIET_SEVERITY = 6
 HELD_BY = "held by station "
 STOPPED_BY = ("stopped by station ", HELD_BY)
 """How the robot begins to say that another station ended a motion."""
+TAKEN_OVER_BY = "taken over by station "
+"""The same of one that began another motion. Its own program hears it, too."""
 
 
 class TextLog:

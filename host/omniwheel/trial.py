@@ -26,7 +26,8 @@ from omniwheel.robot import Robot
 class Trial:
     """A trial from entering to leaving the ``with`` block; the robot must not be armed at its beginning.
 
-    Entering raises CommandRefusedError if a program on another link tries parameters.
+    Entering raises CommandRefusedError if another station tries parameters. Programs with the same ids on one link are
+    one station to the robot.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -60,7 +61,8 @@ class Trial:
             self._send(TRIAL_KEEP, "to keep the parameters on trial")
             return
         with suppress(OmniError):  # the robot does it by itself, and the first error is the one to tell
-            self._send(TRIAL_BACK, "to take back the parameters on trial")
+            with suppress(CommandRefusedError):  # it has done so already
+                self._send(TRIAL_BACK, "to take back the parameters on trial")
             known = self._robot.parameters.known
             self._read_again(name for name, value in self._before.items() if known.get(name) != value)
 
@@ -79,7 +81,7 @@ class Trial:
         except CommandRefusedError as error:
             if error.result != "DENIED" or not self._goes_on():
                 raise
-            # A program before this one on the same link was killed a moment ago.
+            # A program before this one, with the same ids on the same link, was killed a moment ago.
             self._send(TRIAL_BACK, "to take back the parameters on trial")
             self._read_again(self._robot.parameters.known)
             self._send(TRIAL_BEGIN, "to try parameters")

@@ -55,17 +55,22 @@ class _Sink:
         self.data += data
 
 
-def frame(name: str, *fields: Any, system: int = GCS) -> bytes:
+STATION = 190
+"""Component of a ground station."""
+
+
+def frame(name: str, *fields: Any, system: int = GCS, component: int = STATION) -> bytes:
     """Return the bytes of a message as a ground station sends it."""
     sink = _Sink()
-    getattr(mav.MAVLink(sink, srcSystem=system, srcComponent=190), f"{name}_send")(*fields)
+    getattr(mav.MAVLink(sink, srcSystem=system, srcComponent=component), f"{name}_send")(*fields)
     return sink.data
 
 
 @cache
-def command(number: int, *parameters: float) -> bytes:
+def command(number: int, *parameters: float, system: int = GCS, component: int = STATION) -> bytes:
     """Return the bytes of a COMMAND_LONG."""
-    return frame("command_long", 1, 1, number, 0, *parameters, *[0.0] * (7 - len(parameters)))
+    padding = [0.0] * (7 - len(parameters))
+    return frame("command_long", 1, 1, number, 0, *parameters, *padding, system=system, component=component)
 
 
 HEARTBEAT = frame("heartbeat", mav.MAV_TYPE_GCS, mav.MAV_AUTOPILOT_INVALID, 0, 0, 0)

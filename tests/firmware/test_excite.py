@@ -54,14 +54,26 @@ def test_a_burst_that_waits_begins_with_the_first_excited_tick(robot: Client) ->
     assert not any(seen[20:])
 
 
-def test_a_command_that_comes_again_is_not_done_again(robot: Client) -> None:
+def excite_numbered(robot: Client, confirmation: int) -> int:
+    """Send one excitation with a number."""
+    robot.mav.command_long_send(1, 1, EXCITE, confirmation, WHEEL, 1, 0.5, 0.01, 7.0, 0.0, 0.0)
+    return int(robot.wait("COMMAND_ACK", command=EXCITE).result)
+
+
+def test_a_command_that_is_repeated_is_not_done_again(robot: Client) -> None:
     still(robot.armed())
-    assert excite(robot, WHEEL, 1, 0.5, 0.01, number=7.0) == ACCEPTED
+    assert excite_numbered(robot, 0) == ACCEPTED
     robot.ticks(20)
-    assert excite(robot, WHEEL, 1, 0.5, 0.01, number=7.0) == ACCEPTED
+    assert excite_numbered(robot, 1) == ACCEPTED
     assert not any(wanted(robot, 5))
-    assert excite(robot, WHEEL, 1, 0.5, 0.01, number=8.0) == ACCEPTED
-    assert wanted(robot, 5) == pytest.approx([0.5] * 5)
+
+
+def test_a_new_command_is_done_whatever_its_number(robot: Client) -> None:
+    still(robot.armed())
+    for _ in range(3):
+        assert excite_numbered(robot, 0) == ACCEPTED
+        assert wanted(robot, 5) == pytest.approx([0.5] * 5)
+        robot.ticks(20)
 
 
 def test_after_another_arming_the_same_number_is_new(robot: Client) -> None:

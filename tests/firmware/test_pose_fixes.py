@@ -185,6 +185,45 @@ def test_a_stamp_counts_if_it_is_at_most_a_quarter_second_old(robot: FakeRobot, 
     assert agrees == (used or age_us < 0)
 
 
+@pytest.mark.parametrize(("age_us", "used"), [(250_000, True), (251_000, False), (500_000, False), (900_000, False)])
+def test_a_compact_fix_that_says_that_it_is_late_is_not_taken_for_a_new_one(
+    robot: FakeRobot, age_us: int, used: bool
+) -> None:
+    """Its clock is the robot's: where the robot was then says nothing of now."""
+    robot.armed()
+    robot.tick(600)
+    places = turning(robot, 0.4)
+    before = robot.asked("OMNI_CONTROL")
+    place = places[-1 - min(age_us // 1000, 299)]
+    robot.send(USB, compact(place, now_us(robot) - age_us, covariance(0.002, 0.002, 0.002)))
+    robot.background()
+    robot.tick(3)
+    told = any(text.startswith("pose fix refused") for text in robot.texts())
+    after = robot.asked("OMNI_CONTROL")
+    looked_at = after.fixes_accepted + after.fixes_refused - before.fixes_accepted - before.fixes_refused
+    assert (looked_at, told) == (used, not used)
+
+
+def test_who_sends_late_fixes_is_told_now_and_then_only(robot: FakeRobot) -> None:
+    robot.tick(500)
+    texts: list[str] = []
+    for _ in range(150):
+        robot.send(USB, compact((0.0, 0.0, 0.0), now_us(robot) - 400_000))
+        robot.tick(20)
+        texts += robot.texts()
+    assert 1 <= sum(text.startswith("pose fix refused") for text in texts) <= 4
+
+
+@pytest.mark.parametrize("ahead_us", [20_000, 10_000_000])
+def test_a_compact_fix_of_a_clock_that_is_ahead_counts_as_of_fix_delay_ago(robot: FakeRobot, ahead_us: int) -> None:
+    """The robot has restarted and its sender has not noticed."""
+    robot.tick(100)
+    before = robot.asked("OMNI_CONTROL").fixes_accepted
+    robot.send(USB, compact((0.001, 0.0, 0.0), now_us(robot) + ahead_us))
+    robot.tick(3)
+    assert robot.asked("OMNI_CONTROL").fixes_accepted == before + 1
+
+
 def test_a_sensor_that_says_one_pose_while_the_robot_drives_is_not_believed(robot: FakeRobot) -> None:
     robot.armed()
     frozen = (0.0, 0.0, 0.0)

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from omniwheel.dialect import HUB_COMPONENT
 from tests.firmware.client import Client, connect, firmware, mav
 from tests.firmware.test_commands import ARM, ARMED, DISARMED, FAILSAFE
 from tests.firmware.test_stations import TwoLinks
@@ -87,15 +88,45 @@ def test_a_silence_while_driving_is_not_forgotten(two: TwoLinks) -> None:
     assert two.first.get(NAME) == BEFORE
 
 
-def test_a_trial_belongs_to_its_link(two: TwoLinks) -> None:
-    two.run(0.2, two.first, two.second)
+@pytest.mark.parametrize("where", ["on another link", "on the same link"])
+def test_a_trial_belongs_to_its_station(two: TwoLinks, where: str) -> None:
+    other = two.second if where == "on another link" else neighbour(two.first)
+    two.run(0.2, two.first, other)
     for action in (BEGIN, KEEP, BACK, ASK):
-        assert two.second.command(TRIAL, action) == DENIED
+        assert other.command(TRIAL, action) == DENIED
     assert two.second.get(NAME) == 3.5
+    assert two.first.command(TRIAL, ASK) == ACCEPTED
     assert two.first.command(TRIAL, BEGIN) == DENIED
-    assert two.second.wait("STATUSTEXT").text == "trial refused: another link tries parameters"
-    two.run(0.01)
-    assert "trial refused: end the one that goes on" in two.texts
+    assert two.first.command(TRIAL, BACK) == ACCEPTED
+    assert two.second.get(NAME) == BEFORE
+
+
+def neighbour(client: Client, component: int = 190) -> Client:
+    """Return another station on the same link, as on one radio channel."""
+    other = Client(client.socket)
+    other.mav.srcSystem, other.mav.srcComponent = 254, component
+    return other
+
+
+def test_what_another_station_says_after_the_end_changes_nothing(two: TwoLinks) -> None:
+    other = neighbour(two.first)
+    assert two.first.command(TRIAL, KEEP) == ACCEPTED
+    for action in (KEEP, BACK, ASK):
+        assert other.command(TRIAL, action) == DENIED
+    assert two.second.get(NAME) == 3.5
+
+
+def test_a_silent_station_is_not_kept_alive_by_another_on_its_link(two: TwoLinks) -> None:
+    two.run(0.8, neighbour(two.first))
+    assert two.second.get(NAME) == BEFORE
+
+
+def test_the_hub_of_a_link_ends_the_trial_of_a_program_that_has_gone(two: TwoLinks) -> None:
+    hub, far_hub = neighbour(two.first, HUB_COMPONENT), neighbour(two.second, HUB_COMPONENT)
+    assert hub.command(TRIAL, ASK) == ACCEPTED
+    assert far_hub.command(TRIAL, BACK) == DENIED
+    assert hub.command(TRIAL, BACK) == ACCEPTED
+    assert two.second.get(NAME) == BEFORE
 
 
 def test_nothing_on_trial_is_stored(two: TwoLinks) -> None:
@@ -112,7 +143,7 @@ def test_a_trial_needs_a_robot_at_rest_and_a_station_that_is_heard(robot: Client
     robot.armed()
     assert robot.command(TRIAL, BEGIN) == DENIED
     assert robot.command(TRIAL, KEEP) == DENIED  # nobody shall think that something was kept
-    assert robot.command(TRIAL, BACK) == ACCEPTED  # it is as before
+    assert robot.command(TRIAL, BACK) == DENIED  # ... or taken back
 
 
 @pytest.mark.parametrize("action", [-1.0, 0.5, 4.0, float("nan"), float("inf")])

@@ -37,6 +37,9 @@ DRIVES: dict[str, Callable[[Robot], object]] = {
     "tune": lambda robot: Experiment(robot).step("x", 0.1, LONG_S),
 }
 SELF_ARMING = ("identify", "tune")
+START = mavlink.MAV_CMD_OMNI_TRAJECTORY_START
+TAKES_OVER = {"path": (START, 2.0, 1.0), "arm": (ARM, 1.0, 0.0)}
+"""Commands of another station that take the command over."""
 
 
 def follow_rose(robot: Robot) -> None:
@@ -52,7 +55,8 @@ class Another:
 
     def __init__(self, robot: Robot, stop: str) -> None:
         self.stopped_s: float | None = None
-        self._robot, self._stop = robot, STOPS[stop]
+        self._robot, self._stop = robot, {**STOPS, **TAKES_OVER}[stop]
+        self._is_station = stop in TAKES_OVER
         self._codec = mavlink.MAVLink(None, 254, 190)
         link = robot.connection.link
         self._write: Callable[[bytes], object] = link.write
@@ -72,7 +76,9 @@ class Another:
             connection = self._robot.connection
             target = (connection.target_system, connection.target_component)
             command = mavlink.MAVLink_command_long_message(*target, self._stop[0], 0, *self._stop[1:], *[0.0] * 5)
-            self._write(command.pack(self._codec))
+            beat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0, 3)
+            for message in [beat, command] if self._is_station else [command]:
+                self._write(message.pack(self._codec))
 
 
 @pytest.fixture
@@ -108,6 +114,34 @@ def test_a_drive_that_another_station_stops_is_over(
     if stop != "hold":
         robot.pump(0.5)
         assert not robot.status.armed
+
+
+@pytest.mark.parametrize("command", TAKES_OVER)
+@pytest.mark.parametrize("drive", DRIVES)
+def test_a_drive_that_another_station_takes_over_is_over(robot: Robot, drive: str, command: str) -> None:
+    another = Another(robot, command)
+    if drive not in SELF_ARMING:
+        robot.arm()
+    with pytest.raises(OmniError) as caught:
+        DRIVES[drive](robot)
+    assert isinstance(caught.value, StoppedError) or isinstance(caught.value.__cause__, StoppedError)
+    assert another.stopped_s is not None
+    assert robot.connection.clock() - another.stopped_s < 1.5
+    assert "254/190" in str(caught.value)
+
+
+def test_a_program_that_takes_the_command_back_drives_on(robot: Robot) -> None:
+    """The robot tells everybody of it, this program too."""
+    another = Another(robot, "path")
+    robot.arm()
+    with pytest.raises(StoppedError):
+        robot.drive_velocity(0.1, 0.0, 0.0, LONG_S)
+    assert another.stopped_s is not None
+    robot.start_trajectory("circle")
+    robot.pump(1.0)
+    robot.guard.check()
+    robot.arm()
+    robot.drive_velocity(0.1, 0.0, 0.0, 1.0)
 
 
 def test_set_points_may_be_sent_before_arming(robot: Robot) -> None:
@@ -184,6 +218,29 @@ def test_a_failsafe_is_none_either_if_the_safety_state_comes_late(fake: FakeRobo
 
         with robot.connection.repeating(drive, 0.1), pytest.raises(StoppedError, match="failsafe"):
             robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 2.0)
+
+
+LEAD_IN, ON_PATH, DONE = 1, 2, 3
+
+
+def tracking_of(phase: int, path_s: float) -> Any:
+    zero = [0.0, 0.0, 0.0]
+    return mavlink.MAVLink_omni_tracking_message(0, zero, zero, zero, zero, path_s, phase)
+
+
+@pytest.mark.parametrize("another_begins", [False, True])
+def test_another_path_is_noticed_even_if_the_text_that_says_so_was_lost(fake: FakeRobot, another_begins: bool) -> None:
+    own = [(LEAD_IN, 0.0), *((ON_PATH, 0.2 * number) for number in range(10))]
+    others = [(LEAD_IN, 0.0), (ON_PATH, 0.2)] if another_begins else []
+    said = iter([*own, *others, (DONE, 3.0), (DONE, 3.0)])
+    with connect(fake, clock=fake.clock) as robot:
+        robot.arm()
+        with robot.connection.repeating(lambda: fake.send(tracking_of(*next(said))), 0.1):
+            if another_begins:
+                with pytest.raises(StoppedError):
+                    _until_done(robot, LONG_S, quiet=True)
+            else:
+                assert _until_done(robot, LONG_S, quiet=True).phase == "done"
 
 
 def test_another_program_that_has_taken_the_command_ends_a_drive(behind_hub: Robot) -> None:

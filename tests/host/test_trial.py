@@ -16,6 +16,7 @@ from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess, Robot
+from omniwheel.dialect import TRIAL_BEGIN, mavlink
 from omniwheel.errors import CommandRefusedError
 from omniwheel.trial import Trial
 
@@ -109,9 +110,61 @@ def test_a_program_that_was_silent_sends_all_its_values_again(stepped: tuple[Rob
     trial.set_many({NAME: 5.0})
     assert fresh(robot) == 5.0
     link.run(SILENCE_MS, link.drop_received)
-    with pytest.raises(CommandRefusedError, match="none to keep"):
+    with pytest.raises(CommandRefusedError):
         trial.__exit__(None, None, None)
     assert fresh(robot) == BEFORE
+
+
+def test_an_error_after_a_silence_reports_what_the_robot_has_taken_back_by_itself(
+    stepped: tuple[Robot, SteppedLink],
+) -> None:
+    robot, link = stepped
+    seen: list[tuple[float, float]] = []
+    robot.parameters.on_change = lambda changes: seen.extend(changes.values())
+
+    def fail() -> None:
+        with Trial(robot) as trial:
+            trial.set_many({NAME: 5.0})
+            link.run(SILENCE_MS, link.drop_received)
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fail()
+    assert robot.parameters[NAME] == BEFORE
+    assert seen == [(BEFORE, 5.0), (5.0, BEFORE)]
+
+
+class Neighbour:
+    """Another station on the robot's only link, as on one radio channel: it begins a trial of its own."""
+
+    def __init__(self, robot: Robot) -> None:
+        self._robot = robot
+        self._codec = mavlink.MAVLink(None, 254, 190)
+
+    def begins(self) -> None:
+        """Send a heartbeat and the command."""
+        connection = self._robot.connection
+        beat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 0, 3)
+        begin = mavlink.MAVLink_command_long_message(
+            connection.target_system,
+            connection.target_component,
+            mavlink.MAV_CMD_OMNI_TRIAL,
+            0,
+            TRIAL_BEGIN,
+            *[0.0] * 6,
+        )
+        for message in (beat, begin):
+            connection.link.write(message.pack(self._codec))
+        self._robot.pump(0.1)
+
+
+def test_the_trial_of_another_station_on_the_link_is_not_taken_back(stepped: tuple[Robot, SteppedLink]) -> None:
+    robot, _ = stepped
+    Neighbour(robot).begins()
+    robot.parameters.set_many({NAME: 5.0})
+    with pytest.raises(CommandRefusedError), Trial(robot):
+        pytest.fail("it began")
+    assert fresh(robot) == 5.0
 
 
 def test_a_program_that_was_killed_leaves_nothing_to_the_next_one(stepped: tuple[Robot, SteppedLink]) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from omniwheel.dialect import HUB_COMPONENT, TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
+from omniwheel.dialect import HUB_COMPONENT, TRIAL_ASK, TRIAL_BEGIN, mavlink
 from omniwheel.hub.core import Hub, HubSettings
 from omniwheel.signing import Signer
 
@@ -158,10 +158,9 @@ class Bench:
             self.robot_sends(mavlink.MAVLink_command_ack_message(message.command, result, 0, receipt, *whom))
 
     def _try_parameters(self, action: float) -> int:
-        """Answer as firmware/app/services/parameter_trial.cpp does to the link of the trial."""
+        """Answer as firmware/app/services/parameter_trial.cpp does to the station of the trial."""
         accepted, denied = int(ACCEPTED), int(DENIED)
-        refused = {TRIAL_BEGIN: self.trial_goes_on, TRIAL_KEEP: not self.trial_goes_on, TRIAL_BACK: False}
-        if refused.get(action, not self.trial_goes_on):
+        if self.trial_goes_on == (action == TRIAL_BEGIN):
             return denied
         self.trial_goes_on = action in (TRIAL_BEGIN, TRIAL_ASK)
         return accepted

@@ -135,22 +135,6 @@ def test_programs_with_different_link_ids_do_not_disturb_each_other(robot: Memor
     assert refused(robot) == (0, 0, 0)
 
 
-def test_many_streams_over_time_find_room_and_old_ones_stay_refused(robot: MemoryRobot) -> None:
-    first = Station(robot, key=KEY, time=START, link_id=0)
-    assert first.command(ARM, 0) == ACCEPTED
-    for number in range(1, 60):
-        station = Station(robot, key=KEY, time=START + number * MINUTE // 4, link_id=number)
-        assert station.command(ARM, 0) == ACCEPTED, number
-    robot.write(first.port, first.frames[0])
-    robot.run(100)
-    assert refused(robot) == (0, 0, 1)
-
-
-def test_a_full_house_of_present_streams_refuses_another(robot: MemoryRobot) -> None:
-    results = [Station(robot, key=KEY, time=START, link_id=n).command(ARM, 0) for n in range(17)]
-    assert results == [ACCEPTED] * 16 + [None]
-
-
 def test_keys_come_in_over_usb_only(robot: MemoryRobot) -> None:
     signed = Station(robot, key=KEY)
     signed.mav.setup_signing_send(1, 1, list(OTHER_KEY), START)

@@ -81,15 +81,20 @@ void Signing::use_key(const uint8_t *key) {
     digest_frame(key_, key_, 0, hash);
     fingerprint_ = static_cast<uint32_t>(hash[0]) << 24 | static_cast<uint32_t>(hash[1]) << 16 |
                    static_cast<uint32_t>(hash[2]) << 8 | hash[3];
-    std::fill(streams_, streams_ + max_streams, Stream{});
+    forget_streams();
     state_ = State::on;
 }
 
 void Signing::forget_key(State state) {
     std::memset(key_, 0, sizeof key_);
     fingerprint_ = 0;
-    std::fill(streams_, streams_ + max_streams, Stream{});
+    forget_streams();
     state_ = state;
+}
+
+void Signing::forget_streams() {
+    std::fill(streams_, streams_ + max_streams, Stream{});
+    replaced_ = 0;
 }
 
 /// Into both slots. An old key is gone then, and damage to the new one is not taken for a memory that never held any.
@@ -109,6 +114,7 @@ void Signing::set_time(uint64_t time) {
         return;
     }
     time_ = std::min(time, latest_time);
+    replaced_ = std::min(replaced_, time_);
     last_sent_ = time_; // what was signed ahead of it could not be followed by a station that is right
     for (Stream &stream : streams_) {
         stream.used = stream.used && stream.last <= time_;
@@ -140,22 +146,23 @@ bool Signing::remove_key() {
 
 Signing::Stream *Signing::find(const Frame &frame, uint8_t link_id) {
     for (Stream &stream : streams_) {
-        if (stream.used && stream.system == frame.system && stream.component == frame.component &&
-            stream.link_id == link_id) {
+        if (stream.is_of(frame, link_id)) {
             return &stream;
         }
     }
     return nullptr;
 }
 
-/// A free place, or that of a stream so old that all it ever sent would be refused as a new stream's. nullptr: none.
-Signing::Stream *Signing::vacant() {
+/// A free place, or that of the stream whose last frame is the oldest.
+OMNI_COLD Signing::Stream *Signing::vacant() {
+    Stream *oldest = streams_;
     for (Stream &stream : streams_) {
-        if (!stream.used || stream.last + new_stream_slack < time_) {
+        if (!stream.used) {
             return &stream;
         }
+        oldest = stream.last < oldest->last ? &stream : oldest;
     }
-    return nullptr;
+    return oldest;
 }
 
 /// Where an authentic frame's time stamp is to be noted. @return nullptr if it may be a recording.
@@ -166,7 +173,7 @@ Signing::Stream *Signing::stream_of(const Frame &frame) {
     if (stream != nullptr) {
         return time > stream->last ? stream : nullptr;
     }
-    return time + new_stream_slack >= time_ ? vacant() : nullptr;
+    return time + new_stream_slack >= time_ && time > replaced_ ? vacant() : nullptr;
 }
 
 Signing::Verdict Signing::judge(const Frame &frame) {
@@ -189,6 +196,9 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     }
     if (!frame.early) {
         const uint64_t time = time_of(signature);
+        if (stream->used && !stream->is_of(frame, signature[0])) {
+            replaced_ = std::max(replaced_, stream->last); // none of its recordings begins a stream
+        }
         *stream = {true, frame.system, frame.component, signature[0], time};
         set_on(std::min(time + 1, latest_time)); // a peer that takes its clock from ours has this time already
     }

@@ -3,9 +3,10 @@
 ///
 /// With a key set, a frame from a radio counts only if its signature is right and its time stamp is new. New means
 /// later than the last one of its stream (system, component, link id). In a new stream it means no older than a minute
-/// before our clock. A frame that is more than half a year ahead of our clock does not count in any stream. So one
-/// wrong calendar cannot shut out the right ones. See docs/reference/protocol.md for the table, and
-/// https://mavlink.io/en/guide/message_signing.html for the format.
+/// before our clock, and later than the last one of every stream that had to make room. A new stream is always
+/// admitted: it takes the place of the one that has been silent for longest. A frame that is more than half a year
+/// ahead of our clock does not count in any stream. So one wrong calendar cannot shut out the right ones. See
+/// docs/reference/protocol.md for the table, and https://mavlink.io/en/guide/message_signing.html for the format.
 ///
 /// **Where the clock comes from.** A key that is set over a cable brings the time, exactly: it may go back. After that
 /// it counts on, and follows every frame that was taken. The memory holds the time while disarmed, and from arming on a
@@ -97,6 +98,10 @@ private:
         uint8_t component = 0;
         uint8_t link_id = 0;
         uint64_t last = 0;
+
+        bool is_of(const Frame &frame, uint8_t id) const {
+            return used && system == frame.system && component == frame.component && link_id == id;
+        }
     };
     static constexpr size_t max_streams = 16;
 
@@ -106,6 +111,7 @@ private:
     void set_time(uint64_t time);
     void use_key(const uint8_t *key);
     void forget_key(State state);
+    void forget_streams();
     /// What becomes of a frame.
     enum class Verdict : uint8_t { taken, from_the_air, not_signed, wrong, replayed, ahead };
     Verdict judge(const Frame &frame);
@@ -119,6 +125,7 @@ private:
     uint8_t key_[key_length] = {};
     uint32_t fingerprint_ = 0;
     Stream streams_[max_streams];
+    uint64_t replaced_ = 0; ///< latest time stamp of the streams that made room: a new one must be later
     uint64_t time_ = 0;
     uint64_t stored_time_ = 0;
     uint64_t last_sent_ = 0;

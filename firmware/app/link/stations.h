@@ -36,11 +36,17 @@ public:
     /// Latest heartbeat of any station on this link; 0: none.
     uint64_t heard_us(size_t link) const;
     bool alive(const Sender &sender, uint64_t now_us) const { return is_recent(heard_us(sender), now_us); }
+    /// The same, where a request of this time counts as a heartbeat.
+    bool present(const Sender &sender, uint64_t asked_us, uint64_t now_us) const {
+        return alive(sender, now_us) || is_recent(asked_us, now_us);
+    }
     /// Heartbeats of this station keep the robot going.
     bool counts(const Sender &sender) const { return commander_ == most || find(sender) == commander_; }
     bool commands(const Sender &sender) const { return commander_ != most && find(sender) == commander_; }
     /// Link of the station in command, or `nobody`.
     size_t commander() const { return commander_ == most ? nobody : stations_[commander_].who.link; }
+    /// The station in command, where there is one.
+    Sender holder() const { return commander_ == most ? Sender{} : stations_[commander_].who; }
     /// The drives of all others end with it.
     void take_command(const Sender &sender, uint64_t now_us);
     void release();

@@ -43,6 +43,9 @@ uint8_t Arming::arm(const Sender &sender) {
         return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet: in one tick it would
                                                 // win
     }
+    if ((state == OMNI_STATE_ARMED || robot_.arming()) && !heartbeats_.may_move(sender)) {
+        return MAV_RESULT_DENIED;
+    }
     if (state == OMNI_STATE_ARMED) {
         heartbeats_.commanded(sender);
         return MAV_RESULT_ACCEPTED;
@@ -88,7 +91,6 @@ uint8_t Arming::arm(const Sender &sender) {
     robot_.expect_arming();
     warn_of_missing_pin();
     trajectories_.on_arm(sender);
-    excitations_.on_arm();
     return MAV_RESULT_ACCEPTED;
 }
 
@@ -97,23 +99,9 @@ uint8_t Arming::stop(uint32_t event, const Sender &sender) {
     control_.plans.withdraw();
     control_.stop(event);
     robot_.expect_stop();
-    tell_who("stopped", sender);
+    heartbeats_.tell_who("stopped", sender);
     heartbeats_.stations.end_drives_but(sender);
     return MAV_RESULT_ACCEPTED;
-}
-
-/// For the station whose drive it was. After the stop, which waits for nothing.
-OMNI_COLD void Arming::tell_who(const char *did, const Sender &sender) {
-    if (robot_.armed() && !heartbeats_.stations.counts(sender)) {
-        texts_.say(MAV_SEVERITY_NOTICE, Text()
-                                            .add(did)
-                                            .add(" by station ")
-                                            .add(uint32_t{sender.system})
-                                            .add("/")
-                                            .add(uint32_t{sender.component})
-                                            .add(" on link ")
-                                            .add(static_cast<uint32_t>(sender.link + 1)));
-    }
 }
 
 uint8_t Arming::estop(const Sender &sender) {

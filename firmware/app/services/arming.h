@@ -7,7 +7,6 @@
 
 #include "app/link/signing.h"
 #include "app/services/button_watch.h"
-#include "app/services/excitations.h"
 #include "app/services/heartbeats.h"
 #include "app/services/hil_switch.h"
 #include "app/services/scan_service.h"
@@ -25,17 +24,15 @@ public:
     };
 
     Arming(const Conditions &conditions, Texts &texts, RobotState &robot, ControlLoop &control, Heartbeats &heartbeats,
-           ButtonWatch &button, Signing &signing, Trajectories &trajectories, Excitations &excitations)
+           ButtonWatch &button, Signing &signing, Trajectories &trajectories)
         : conditions_(conditions), texts_(texts), robot_(robot), control_(control), heartbeats_(heartbeats),
-          button_(button), signing_(signing), trajectories_(trajectories), excitations_(excitations) {}
+          button_(button), signing_(signing), trajectories_(trajectories) {}
 
     /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param sender that asks. @return MAV_RESULT
     uint8_t command(float wanted, const Sender &sender);
     uint8_t estop(const Sender &sender);
     /// MAV_CMD_OMNI_ESTOP. Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
     uint8_t estop_or_release(float stop, const Sender &sender);
-    /// For the station whose drive another one ended. @param did "stopped", "held"
-    void tell_who(const char *did, const Sender &sender);
 
 private:
     uint8_t arm(const Sender &sender);
@@ -51,7 +48,6 @@ private:
     ButtonWatch &button_;
     Signing &signing_;
     Trajectories &trajectories_;
-    Excitations &excitations_;
     bool pin_said_ = false;
 };
 

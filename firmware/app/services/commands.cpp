@@ -132,7 +132,6 @@ void Commands::handle(const Command &command) {
 /// @param holds the pose, or ends an excitation: no drive begins.
 void Commands::note_motion(bool holds, const Sender &sender) {
     if (holds) {
-        services_.arming.tell_who("held", sender);
         services_.heartbeats.held(sender);
     } else {
         services_.heartbeats.commanded(sender);
@@ -142,16 +141,17 @@ void Commands::note_motion(bool holds, const Sender &sender) {
 /// Commands that say where to go.
 uint8_t Commands::run_motion(const Command &command) {
     const float *p = command.param;
+    const bool holds = effect_of(command) == Effect::ends;
+    if (!holds && !services_.heartbeats.may_move(command.sender)) {
+        return MAV_RESULT_DENIED;
+    }
     uint8_t result = MAV_RESULT_UNSUPPORTED;
-    bool holds = false;
     if (command.id == MAV_CMD_OMNI_TRAJECTORY_START) {
         result = services_.trajectories.start(p[0], p[1], p[2], command.sender);
     } else if (command.id == MAV_CMD_OMNI_TRAJECTORY_STOP) {
         result = services_.trajectories.stop();
-        holds = true;
     } else if (command.id == MAV_CMD_OMNI_EXCITE) {
-        result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]}, command.receipt);
-        holds = p[0] == static_cast<float>(OMNI_EXCITATION_NONE);
+        result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]});
     }
     if (result == MAV_RESULT_ACCEPTED) {
         note_motion(holds, command.sender);
@@ -195,7 +195,7 @@ OMNI_COLD uint8_t Commands::run_own(const Command &command) {
     case MAV_CMD_OMNI_SET_POSE:
         return set_pose({p[0], p[1], p[2]});
     case MAV_CMD_OMNI_WAYPOINT:
-        return services_.trajectories.set_waypoint(p[0], {p[1], p[2], p[3]});
+        return services_.trajectories.set_waypoint(p[0], {p[1], p[2], p[3]}, command.sender);
     case MAV_CMD_OMNI_ESTOP:
         return services_.arming.estop_or_release(p[0], command.sender);
     case MAV_CMD_OMNI_I2C_SCAN:
@@ -244,6 +244,9 @@ OMNI_COLD uint8_t Commands::set_mode(ModeRequest mode, const Sender &sender) {
 /// its last one its set-points are used again. Disarmed it changes nothing, so that another station's arming does not
 /// let them move the robot.
 OMNI_COLD uint8_t Commands::follow_setpoints(const Sender &sender) {
+    if (!services_.heartbeats.may_move(sender)) {
+        return MAV_RESULT_DENIED;
+    }
     const float timeout_s = services_.parameters.config().limits.command_timeout_s;
     const bool streams = services_.heartbeats.streams(sender, static_cast<uint64_t>(timeout_s * 1e6f));
     if (!streams || services_.setpoints.refused()) {

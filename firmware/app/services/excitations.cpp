@@ -90,12 +90,9 @@ OMNI_COLD const char *Excitations::check_state(uint8_t place) const {
     }
 }
 
-OMNI_COLD uint8_t Excitations::start(const Wanted &wanted, int32_t receipt) {
+OMNI_COLD uint8_t Excitations::start(const Wanted &wanted) {
     if (wanted.place == static_cast<float>(OMNI_EXCITATION_NONE)) {
         control_.excite({});
-        return MAV_RESULT_ACCEPTED;
-    }
-    if (receipt != 0 && receipt == done_) {
         return MAV_RESULT_ACCEPTED;
     }
     const char *why = check_numbers(wanted);
@@ -108,7 +105,6 @@ OMNI_COLD uint8_t Excitations::start(const Wanted &wanted, int32_t receipt) {
         return refuse(why);
     }
     control_.excite(plan_of(wanted));
-    done_ = receipt;
     return MAV_RESULT_ACCEPTED;
 }
 

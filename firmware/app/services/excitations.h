@@ -26,11 +26,8 @@ public:
     Excitations(Texts &texts, const RobotState &robot, ControlLoop &control, const Parameters &parameters)
         : texts_(texts), robot_(robot), control_(control), parameters_(parameters) {}
 
-    /// @param receipt of a numbered command, else 0: a command that comes again because its answer was lost is not
-    /// done again. @return MAV_RESULT
-    uint8_t start(const Wanted &wanted, int32_t receipt);
-    /// Another drive begins: numbers from before it are forgotten.
-    void on_arm() { done_ = 0; }
+    /// @return MAV_RESULT
+    uint8_t start(const Wanted &wanted);
 
 private:
     uint8_t refuse(const char *why);
@@ -42,7 +39,6 @@ private:
     const RobotState &robot_;
     ControlLoop &control_;
     const Parameters &parameters_;
-    int32_t done_ = 0; ///< receipt of the latest one
 };
 
 } // namespace omni

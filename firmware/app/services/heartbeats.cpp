@@ -1,9 +1,25 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/heartbeats.h"
 
+#include "app/base/cold.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
+namespace {
+
+/// The station in command hears of a sender that is refused at most once in this time.
+constexpr uint64_t told_interval_us = 5'000'000;
+
+OMNI_COLD Text &add_station(Text &text, const Sender &sender) {
+    return text.add(" station ")
+        .add(uint32_t{sender.system})
+        .add("/")
+        .add(uint32_t{sender.component})
+        .add(" on link ")
+        .add(static_cast<uint32_t>(sender.link + 1));
+}
+
+} // namespace
 
 bool Heartbeats::is_of_station(const Frame &frame) {
     const auto message = frame.as<mavlink_heartbeat_t>();
@@ -17,7 +33,41 @@ void Heartbeats::heard(const Sender &sender) {
     }
 }
 
+bool Heartbeats::may_move(const Sender &sender, bool streamed) {
+    if (!robot_.armed() || stations.counts(sender) || stations.alive(sender, clock_.now_us)) {
+        return true;
+    }
+    refuse_motion(sender, streamed);
+    return false;
+}
+
+OMNI_COLD void Heartbeats::refuse_motion(const Sender &sender, bool streamed) {
+    const Sender holder = stations.holder();
+    Text text;
+    add_station(text.add("refused:"), holder).add(" commands");
+    if (streamed) {
+        texts_.refuse_streamed(refused_us_, text);
+    } else {
+        texts_.refuse(MAV_SEVERITY_WARNING, text);
+    }
+    const bool quiet = told_us_ != 0 && clock_.now_us >= told_us_ && clock_.now_us - told_us_ < told_interval_us;
+    if (!quiet) {
+        told_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
+        Text other;
+        texts_.say_on(holder.link, MAV_SEVERITY_WARNING, add_station(other.add("not followed:"), sender));
+    }
+}
+
+/// After a stop, which waits for nothing.
+OMNI_COLD void Heartbeats::tell_who(const char *did, const Sender &sender) {
+    if (robot_.armed() && !stations.counts(sender)) {
+        Text text;
+        texts_.say(MAV_SEVERITY_NOTICE, add_station(text.add(did).add(" by"), sender));
+    }
+}
+
 void Heartbeats::armed_by(const Sender &sender) {
+    tell_who("taken over", sender); // an arm command of another station has been accepted just now
     stations.begin_drive(sender);
     stations.take_command(sender, clock_.now_us);
     heard(sender);
@@ -27,23 +77,35 @@ void Heartbeats::streamed(const Sender &sender) {
     if (robot_.state() == OMNI_STATE_ARMED) {
         stations.drove(sender, clock_.now_us);
     }
-    take_command(sender);
+    take_over(sender);
 }
 
 void Heartbeats::commanded(const Sender &sender) {
     stations.begin_drive(sender);
-    take_command(sender);
+    take_over(sender);
 }
 
 void Heartbeats::held(const Sender &sender) {
+    tell_who("held", sender);
     stations.end_drives_but(sender);
-    take_command(sender);
+    if (can_take_command(sender)) {
+        take_command(sender);
+    }
+}
+
+bool Heartbeats::can_take_command(const Sender &sender) const {
+    return robot_.armed() && !stations.commands(sender) && stations.alive(sender, clock_.now_us);
 }
 
 void Heartbeats::take_command(const Sender &sender) {
-    if (robot_.armed() && !stations.commands(sender) && stations.alive(sender, clock_.now_us)) {
-        stations.take_command(sender, clock_.now_us);
-        control_.set_heartbeat(stations.heard_us(sender));
+    stations.take_command(sender, clock_.now_us);
+    control_.set_heartbeat(stations.heard_us(sender));
+}
+
+void Heartbeats::take_over(const Sender &sender) {
+    if (can_take_command(sender)) {
+        tell_who("taken over", sender);
+        take_command(sender);
     }
 }
 

@@ -14,8 +14,8 @@ namespace omni {
 
 class Heartbeats {
 public:
-    Heartbeats(const RobotClock &clock, const RobotState &robot, ControlLoop &control)
-        : clock_(clock), robot_(robot), control_(control) {}
+    Heartbeats(Texts &texts, const RobotClock &clock, const RobotState &robot, ControlLoop &control)
+        : texts_(texts), clock_(clock), robot_(robot), control_(control) {}
 
     /// A HEARTBEAT came. Only those of ground stations count (MAV_TYPE_GCS): a camera, a companion computer or another
     /// robot watches nothing.
@@ -24,6 +24,10 @@ public:
     void heard(const Sender &sender);
     /// An arm command was accepted: its sender is in command, and the command counts as a heartbeat.
     void armed_by(const Sender &sender);
+    /// Whether set-points and motion commands of this sender count: the robot is not armed, or the sender has the
+    /// command, or its heartbeats come, so that it can take it. If not, both stations are told.
+    /// @param streamed a set-point: its sender is told once a second.
+    bool may_move(const Sender &sender, bool streamed = false);
     /// A set-point was accepted: its sender is in command from now on if its heartbeats come, too.
     void streamed(const Sender &sender);
     /// Its set-points come, used or not: the latest is at most this old.
@@ -34,15 +38,23 @@ public:
     void commanded(const Sender &sender);
     /// The same of a hold. It ends the drives of all others, and begins none.
     void held(const Sender &sender);
+    /// For the station whose drive another one ended. @param did "stopped", "held", "taken over"
+    void tell_who(const char *did, const Sender &sender);
 
     Stations stations;
 
 private:
+    void refuse_motion(const Sender &sender, bool streamed);
+    bool can_take_command(const Sender &sender) const;
     void take_command(const Sender &sender);
+    void take_over(const Sender &sender);
 
+    Texts &texts_;
     const RobotClock &clock_;
     const RobotState &robot_;
     ControlLoop &control_;
+    uint64_t refused_us_[Board::max_ports] = {}; ///< per link, when a sender there was told that another one commands
+    uint64_t told_us_ = 0;                       ///< when the station in command was told of one
 };
 
 } // namespace omni

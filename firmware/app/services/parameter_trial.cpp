@@ -6,10 +6,20 @@
 #include "app/base/cold.h"
 
 namespace omni {
+namespace {
+
+/// The hub's component (host/omniwheel/hub): it ends the trial of a program that has gone.
+constexpr uint8_t hub_component = MAV_COMP_ID_UART_BRIDGE;
+
+} // namespace
 
 OMNI_COLD uint8_t ParameterTrial::refuse(const char *why) {
     texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trial refused: ").add(why));
     return MAV_RESULT_DENIED;
+}
+
+OMNI_COLD bool ParameterTrial::is_own(const Sender &sender) const {
+    return sender == station_ || (sender.link == station_.link && sender.component == hub_component);
 }
 
 OMNI_COLD uint8_t ParameterTrial::begin(const Sender &sender) {
@@ -17,7 +27,7 @@ OMNI_COLD uint8_t ParameterTrial::begin(const Sender &sender) {
         return robot_.refuse_armed("trial refused");
     }
     if (on_) {
-        return refuse(sender.link == station_.link ? "end the one that goes on" : "another link tries parameters");
+        return refuse(is_own(sender) ? "end the one that goes on" : "another station tries parameters");
     }
     if (!heartbeats_.stations.alive(sender, clock_.now_us)) {
         return refuse("no heartbeats of this station");
@@ -30,13 +40,13 @@ OMNI_COLD uint8_t ParameterTrial::begin(const Sender &sender) {
 }
 
 OMNI_COLD uint8_t ParameterTrial::command(float action, const Sender &sender) {
-    const bool own = on_ && sender.link == station_.link;
+    const bool own = on_ && is_own(sender);
     const bool goes_on = own && !over_;
     if (action == 1.0f) {
         return begin(sender);
     }
-    if (action == 2.0f && (own || !on_)) {
-        over_ = on_;
+    if (action == 2.0f && own) {
+        over_ = true;
         serve();
         return MAV_RESULT_ACCEPTED;
     }
@@ -44,8 +54,8 @@ OMNI_COLD uint8_t ParameterTrial::command(float action, const Sender &sender) {
         on_ = false;
         return MAV_RESULT_ACCEPTED;
     }
-    if (action == 0.0f) {
-        return refuse("there is none to keep");
+    if (action == 0.0f || action == 2.0f) {
+        return refuse("there is none of this station");
     }
     return action == 3.0f && goes_on ? MAV_RESULT_ACCEPTED : MAV_RESULT_DENIED;
 }

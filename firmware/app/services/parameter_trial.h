@@ -19,7 +19,7 @@ public:
     }
 
     /// MAV_CMD_OMNI_TRIAL. @param action 0 end, keep what is in use; 1 begin; 2 end, back to what was in use; 3 does it
-    /// go on? Only the link that began a trial can end it. @return MAV_RESULT
+    /// go on? Only the station that began a trial can end it, and a hub on its link. @return MAV_RESULT
     uint8_t command(float action, const Sender &sender);
     /// Once per pass of the background.
     void serve();
@@ -28,6 +28,7 @@ public:
 
 private:
     uint8_t refuse(const char *why);
+    bool is_own(const Sender &sender) const;
     uint8_t begin(const Sender &sender);
 
     const Board &board_;

@@ -166,8 +166,13 @@ void PoseFixes::on_compact(const Frame &frame) {
     const auto message = frame.as<mavlink_omni_pose_fix_t>();
     const omni_pose_t pose = {static_cast<float>(message.x_mm) * 1e-3f, static_cast<float>(message.y_mm) * 1e-3f,
                               static_cast<float>(message.theta_mrad10) * 1e-4f};
-    accept(pose, message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0,
-           static_cast<float>(message.sd_xy_mm10) * 1e-4f, static_cast<float>(message.sd_theta_mrad10) * 1e-4f);
+    const uint64_t taken_us = message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0;
+    if (taken_us != 0 && taken_us + oldest_us < clock_.now_us) {
+        complain("older than 0.25 s"); // its clock is the robot's: it was taken then, and for no later pose
+        return;
+    }
+    accept(pose, taken_us, static_cast<float>(message.sd_xy_mm10) * 1e-4f,
+           static_cast<float>(message.sd_theta_mrad10) * 1e-4f);
 }
 
 } // namespace omni

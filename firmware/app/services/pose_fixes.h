@@ -2,8 +2,9 @@
 /// @file pose_fixes.h  Poses measured outside the robot: VICON_POSITION_ESTIMATE, ATT_POS_MOCAP, OMNI_POSE_FIX.
 ///
 /// A time stamp within the last 0.25 s of the robot's clock is believed. In place of any other (Unix time, say)
-/// FIX_DELAY before now is taken. A sensor that has frozen repeats its fix digit by digit, although the wheels have
-/// moved the robot meanwhile. Such a fix is not used. Nor is one of exact zeros, unless the estimate is near them.
+/// FIX_DELAY before now is taken. OMNI_POSE_FIX has the robot's clock and no other: an older one is not used. A sensor
+/// that has frozen repeats its fix digit by digit, although the wheels have moved the robot meanwhile. Such a fix is
+/// not used. Nor is one of exact zeros, unless the estimate is near them.
 ///
 /// The tick uses one per millisecond. Of a backlog, as a link delivers it after a pause, the newest `most_waiting` are
 /// kept. All others are dropped, which is said: what is older helps the estimate no more.

@@ -16,8 +16,8 @@ bool Trajectories::accepts(int32_t parameter, float value, const char *name) {
     return false;
 }
 
-/// Plan into the scratch slot from the present pose.
-OMNI_COLD uint8_t Trajectories::plan() {
+/// Plan into the scratch slot from the present pose. @param sender whose path it is
+OMNI_COLD uint8_t Trajectories::plan(const Sender &sender) {
     omni_trajectory_config_t config = parameters_.config().trajectory;
     if (type_ != -1.0f) {
         if (!accepts(OMNI_PARAM_TRJ_TYPE, type_, "trajectory type")) {
@@ -38,6 +38,10 @@ OMNI_COLD uint8_t Trajectories::plan() {
         config.period_s = period_s_;
     }
     const bool listed = omni_trajectory_needs_waypoints(config.type);
+    if (listed && waypoints_.count > 0 && !(lister_ == sender)) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: another station's waypoints"));
+        return MAV_RESULT_DENIED;
+    }
     if (listed && waypoints_.count < 2) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: send two waypoints or more"));
         return MAV_RESULT_DENIED;
@@ -75,16 +79,30 @@ void Trajectories::say_slowed(const omni_trajectory_t &path) {
     texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
+/// In a state that only a release or a disarming leads out of, or on the way there.
+bool Trajectories::stopped() const {
+    const uint8_t state = robot_.state();
+    return state == OMNI_STATE_ESTOP || state == OMNI_STATE_FAILSAFE || control_.stopping(OMNI_EVENT_ESTOP);
+}
+
 OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
+    if (robot_.disarming() || robot_.releasing()) {
+        return MAV_RESULT_TEMPORARILY_REJECTED; // no report tells yet what state that leads to
+    }
+    if (stopped()) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: release or disarm first"));
+        return MAV_RESULT_DENIED;
+    }
     type_ = type;
     laps_ = laps;
     period_s_ = period_s;
     waiting_ = false;
-    const uint8_t result = plan();
+    const uint8_t result = plan(sender);
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
     }
     asker_ = sender;
+    asked_us_ = clock_.now_us;
     waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
     if (!waiting_) {
         control_.plans.publish();
@@ -99,27 +117,45 @@ uint8_t Trajectories::stop() {
     return MAV_RESULT_ACCEPTED;
 }
 
-OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose) {
+OMNI_COLD uint8_t Trajectories::refuse_waypoint(const char *why) {
+    texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: ").add(why));
+    return MAV_RESULT_DENIED;
+}
+
+OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &pose, const Sender &sender) {
     const float expected = static_cast<float>(waypoints_.count);
     if (!omni_pose_is_finite(&pose)) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: not finite"));
-        return MAV_RESULT_DENIED;
+        return refuse_waypoint("not finite");
     }
     const float limit = parameters_.config().limits.position_m;
     if (omni_absf(pose.x) > limit || omni_absf(pose.y) > limit) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: beyond LIM_POS"));
-        return MAV_RESULT_DENIED;
+        return refuse_waypoint("beyond LIM_POS");
     }
     if (number == 0.0f) {
         waypoints_.count = 0;
+        lister_ = sender;
+    } else if (waypoints_.count > 0 && !(lister_ == sender)) {
+        return refuse_waypoint("another's list, begin with 0");
     } else if (number == expected - 1.0f) {
         waypoints_.count--; // sent again, since its acknowledgement got lost on a radio
     } else if (!(number == expected && number < static_cast<float>(OMNI_MAX_WAYPOINTS))) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("waypoint refused: number without gaps, 0..31"));
-        return MAV_RESULT_DENIED;
+        return refuse_waypoint("number without gaps, 0..31");
     }
     waypoints_.pose[waypoints_.count++] = pose;
     return MAV_RESULT_ACCEPTED;
+}
+
+OMNI_COLD void Trajectories::forget(size_t link) {
+    waiting_ = waiting_ && asker_.link != link;
+    waypoints_.count = static_cast<uint8_t>(lister_.link == link ? 0 : waypoints_.count);
+}
+
+OMNI_COLD void Trajectories::watch_asker() {
+    const bool silent = !heartbeats_.stations.present(asker_, asked_us_, clock_.now_us);
+    if (silent) {
+        texts_.say_on(asker_.link, MAV_SEVERITY_NOTICE, Text().add("path not started: its station was silent"));
+    }
+    waiting_ = !silent && !stopped();
 }
 
 void Trajectories::on_arm(const Sender &sender) {
@@ -127,7 +163,7 @@ void Trajectories::on_arm(const Sender &sender) {
     if (waiting_ && !own) {
         texts_.say(MAV_SEVERITY_WARNING, Text().add("path not started: another station armed"));
     }
-    if (waiting_ && own && plan() == MAV_RESULT_ACCEPTED) {
+    if (waiting_ && own && plan(sender) == MAV_RESULT_ACCEPTED) {
         control_.plans.publish();
     }
     waiting_ = false;

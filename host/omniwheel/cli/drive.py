@@ -62,6 +62,8 @@ app.add_typer(host_control.app, name="host-control", hidden=True)
 _SLICE_S = 0.25
 _ARMED_S = 3.0
 """The robot's heartbeat says at once that it is armed, and once a second if that one got lost."""
+_BACK_S = 0.5
+"""Path time that goes back by more is that of another path, even if the text that says so was lost."""
 _SETTLED_M = 0.005
 _SETTLED_RAD = 0.02
 
@@ -345,11 +347,14 @@ def path(
 
 
 def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
-    """Return the robot's last words of a path: it is done, or its time is over."""
+    """Return the robot's last words of a path: it is done, or its time is over.
+
+    Raises StoppedError if another station ended it. Its time never goes back: then another path has begun.
+    """
     from omniwheel.telemetry import Tracking
 
     start = robot.connection.clock()
-    started = False
+    started, path_s = False, 0.0
     with Waiting("on the path", math.inf, quiet=quiet) as waiting:
         for tracking in robot.telemetry(Tracking):
             robot.guard.check()
@@ -358,8 +363,9 @@ def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
             started = started or tracking.phase in ("lead-in", "path")
             if (started and tracking.phase == "done") or passed > duration_s:
                 return tracking
-            if started and tracking.phase == "none":
+            if started and (tracking.phase == "none" or tracking.path_time_s < path_s - _BACK_S):
                 raise robot.guard.held()
+            path_s = max(path_s, tracking.path_time_s)
     raise AssertionError("telemetry() ends only by an exception")
 
 

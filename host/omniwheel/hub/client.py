@@ -34,6 +34,8 @@ class Client:
         self.systems: set[int] = set()
         self.out = bytearray()
         self.left_out = 0
+        self.beat: Message | None = None
+        """Its latest heartbeat of a station."""
         self._finder = FrameFinder(lambda message: kind_of(message) is Kind.STOP)
         self._heard_s = float("-inf")
         self._speaker: Any = mavlink.MAVLink(_Collector(self.out), 1, HUB_COMPONENT)

@@ -38,6 +38,7 @@ from omniwheel.hub.rules import (
 )
 from omniwheel.hub.streams import Streams
 from omniwheel.hub.trials import TIMEOUT, Trials
+from omniwheel.hub.waiting_path import WaitingPath
 from omniwheel.signing import Signer
 
 NAME_CHARACTERS = 25
@@ -94,6 +95,7 @@ class Hub:
         self._beaten_s: dict[tuple[int, int], float] = {}
         self._handed_over: int | None = None
         self._trials = Trials(clock, self._send_trial)
+        self._path = WaitingPath(self._send_hold)
         self._is_new_robot = True
         self._next = 1
 
@@ -116,6 +118,7 @@ class Hub:
         self.streams.leave(number)
         self._say(f"{client.name} has gone")
         self._trials.leave(number)
+        self._path.leave(number, armed=self.command.armed)
         if self.command.leave(number):
             self._released(client, "has gone")
 
@@ -223,7 +226,7 @@ class Hub:
                 self._acknowledge(client, message, _ACCEPTED)  # somebody wants as much or more, and gets it
         elif kind is Kind.STREAM:
             self.streams.group(client.number, message)
-        elif self._is_new(client, message, kind) and self._may_try(client, message):
+        elif self._parameters.is_new(client.number, message, kind, now_s) and self._may_try(client, message):
             self._ask(client, message, kind)
 
     def _introduce(self, client: Client, text: str) -> None:
@@ -287,6 +290,9 @@ class Hub:
             if before is None:
                 self._say(f"{client.name} commands")
                 self._tell_all(notices.commands(client.name), _NEWS, but=client.number)
+                if client.beat is not None:  # the robot refuses a station that it has not heard
+                    self._ask(client, client.beat, Kind.HEARTBEAT)
+            self._path.moves(client.number, message, self._robot.source, armed=self.command.armed)
             self._ask(client, message, kind)
 
     def _refuse_move(self, client: Client, message: Message) -> None:
@@ -304,7 +310,7 @@ class Hub:
         """Pass on a station's heartbeat if it keeps the robot going; those of other components do nothing there."""
         if message.type != mavlink.MAV_TYPE_GCS:
             return
-        now_s = self._clock()
+        now_s, client.beat = self._clock(), message
         self._trials.heard(client.number)
         alone = client.number == self.command.holder
         station = source_of(message)
@@ -312,15 +318,6 @@ class Hub:
         if self.command.hears_heartbeat_of(client.number, now_s) and (alone or due):
             self._beaten_s[station] = now_s
             self._ask(client, message, Kind.HEARTBEAT)
-
-    def _is_new(self, client: Client, message: Message, kind: Kind) -> bool:
-        """Return whether the robot must hear a request, or somebody has asked the same just now."""
-        now_s = self._clock()
-        if kind is Kind.LIST:
-            return self._parameters.list_is_new(now_s)
-        if kind is Kind.READ:
-            return self._parameters.read_is_new(client.number, message, now_s)
-        return True
 
     def _ask(self, client: Client, message: Message, kind: Kind) -> None:
         """Let a frame wait for the port; say so if there is no room for it."""
@@ -441,6 +438,12 @@ class Hub:
         if action == TRIAL_ASK:
             self._send_own(self._own.read(robot, TIMEOUT), Kind.READ)
         self._send_own(self._own.trial(robot, action), Kind.OTHER)
+
+    def _send_hold(self, robot: tuple[int, int]) -> None:
+        if self.is_open:
+            hold = self._own.hold(robot)
+            self._outbox.stop(self._waiting(NOBODY, hold, Kind.STOP))
+            self._pending.ask(NOBODY, hold, False, self._clock())
 
     def _send_own(self, message: Message, kind: Kind) -> None:
         """Send what the hub asks by itself. The answer to a command is for no client."""

@@ -27,6 +27,10 @@ class OwnMessages:
         """Return a command for the trial of parameters."""
         return self._command(robot, mavlink.MAV_CMD_OMNI_TRIAL, action, 0.0)
 
+    def hold(self, robot: tuple[int, int]) -> Message:
+        """Return a command that ends a path, one that waits for arming, too."""
+        return self._command(robot, mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP, 0.0, 0.0)
+
     def read(self, robot: tuple[int, int], parameter: str) -> Message:
         """Return a request for a parameter."""
         return self._packed(mavlink.MAVLink_param_request_read_message(*robot, parameter.encode(), _NO_INDEX))

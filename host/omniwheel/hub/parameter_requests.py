@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Hashable
 
 from omniwheel.dialect import Message
+from omniwheel.hub.rules import Kind
 
 LIST_SILENCE_S = 1.5
 """A list is under way as long as parameters of it come no further apart than this."""
@@ -20,6 +21,12 @@ class ParameterRequests:
     def __init__(self) -> None:
         self._list_s = float("-inf")
         self._reads: dict[Hashable, tuple[int, float]] = {}
+
+    def is_new(self, client: int, message: Message, kind: Kind, now_s: float) -> bool:
+        """Return whether the robot must hear a request, or somebody has asked the same just now."""
+        if kind is Kind.LIST:
+            return self.list_is_new(now_s)
+        return kind is not Kind.READ or self.read_is_new(client, message, now_s)
 
     def list_is_new(self, now_s: float) -> bool:
         """Return whether no list is on its way; from now on one is."""
