@@ -202,9 +202,13 @@ class Robot:
         self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 1.0, what="to stop at once")
         self.guard.end()
 
-    def estop_clear(self) -> None:
-        """Release the emergency stop; the robot is then disarmed."""
-        self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 0.0, what="to release the emergency stop")
+    def estop_clear(self, *, after_own_stop: bool = False) -> None:
+        """Release the emergency stop; the robot is then disarmed.
+
+        With ``after_own_stop`` the robot refuses if the latest stop of the last 15 s came from another sender.
+        """
+        command, what = mavlink.MAV_CMD_OMNI_ESTOP, "to release the emergency stop"
+        self.commands.send(command, 0.0, what=what, after_own_stop=after_own_stop)
 
     # ---- what it can follow
 
