@@ -41,6 +41,7 @@
     │   └── DataSheetError            a data sheet whose numbers are missing or contradict
     ├── HistoryError                  a history of parameters, or an entry that it does not have (bad input)
     ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
+    │   └── OtherBurstError           the robot's burst is not the one that was asked for
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
     ├── AutotuneError                 a robot could not be tuned; it has its old parameters
@@ -280,6 +281,12 @@ class LogError(OmniError, ValueError):
     """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
 
     exit_code = 2
+
+
+class OtherBurstError(LogError):
+    """The burst that the robot holds is not the one that was asked for: another program has begun one."""
+
+    exit_code = 1
 
 
 class HistoryError(OmniError, ValueError):
