@@ -176,7 +176,7 @@ def motor(
 ) -> None:
     """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
     from omniwheel.host_control.controller import PERIOD_S
-    from omniwheel.host_control.pwm_line import MOTORS, STOP_LINES, PwmRadio
+    from omniwheel.host_control.pwm_line import MOTORS, PwmRadio
 
     line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))
     with signals_interrupt(), _radio_link(port, baud) as link:
@@ -187,9 +187,7 @@ def motor(
                 radio.offer(line)
                 time.sleep(PERIOD_S)
         finally:
-            for _ in range(STOP_LINES):
-                radio.stop()
-                time.sleep(PERIOD_S)
+            radio.stop_for_good(lambda: time.sleep(PERIOD_S))
     note(
         f"motor {number} had PWM {pwm}. Positive must turn the robot counter-clockwise; if not: W{number}_MOT_DIR = -1"
     )
