@@ -13,6 +13,7 @@ import pytest
 from omni_schema import as_float32
 from omniwheel import Robot, connect
 from omniwheel.errors import (
+    LinkLostError,
     LinkTimeoutError,
     ParameterFileError,
     ParameterRangeError,
@@ -177,3 +178,45 @@ def test_a_bad_file_changes_nothing_and_says_where(
 def test_a_missing_file_is_named(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(ParameterFileError, match=r"nowhere\.toml: no such file"):
         robot.parameters.load(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize("gone", ["silent", "closed"])
+def test_a_link_that_is_lost_half_way_names_what_was_set_and_what_is_not_known(
+    fake: Any, robot: Robot, gone: str
+) -> None:
+    answer = fake._answer
+
+    def lost(message: Any) -> None:
+        if message.get_type() == "PARAM_SET" and message.param_id == "LIM_W":
+            fake.silent = True
+            if gone == "closed":
+                fake.read = closed
+        answer(message)
+
+    def closed(_timeout_s: float) -> bytes:
+        raise LinkLostError("the port is gone")
+
+    fake._answer = lost
+    with pytest.raises((LinkLostError, LinkTimeoutError)) as error:
+        robot.parameters.set_many({"LIM_V": 0.7, "LIM_W": 1.5, "ISMC_LAM_XY": 9.0})
+    assert fake.values["LIM_V"] == pytest.approx(0.7)
+    assert fake.values["ISMC_LAM_XY"] != 9.0
+    assert all(name in str(error.value) for name in ("LIM_V", "LIM_W", "ISMC_LAM_XY"))
+    assert "LIM_V LIM_W ISMC_LAM_XY" in error.value.hint
+
+
+def test_ctrl_c_half_way_sets_the_old_values_back(fake: Any, robot: Robot) -> None:
+    old = dict(fake.values)
+    answer = fake._answer
+    pressed = []
+
+    def interrupted(message: Any) -> None:
+        answer(message)
+        if message.get_type() == "PARAM_SET" and message.param_id == "LIM_W" and not pressed:
+            pressed.append(message)
+            raise KeyboardInterrupt
+
+    fake._answer = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        robot.parameters.set_many({"LIM_V": 0.7, "LIM_W": 1.5, "ISMC_LAM_XY": 9.0})
+    assert fake.values == old

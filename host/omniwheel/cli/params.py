@@ -154,14 +154,22 @@ def get(
 def set_parameters(
     assignments: Annotated[
         list[str],
-        typer.Argument(metavar="NAME=VALUE...", help="All are set, or none.", autocompletion=completion.assignments),
+        typer.Argument(
+            metavar="NAME=VALUE...",
+            help="All are set, or none, while the link lasts.",
+            autocompletion=completion.assignments,
+        ),
     ],
     store: StoreOption = False,
     why: WhyOption = "",
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Set parameters and wait until the robot has confirmed each. Exit code 1: refused, nothing changed."""
+    """Set parameters and wait until the robot has confirmed each.
+
+    Exit code 1: one was refused, and the others have their old values again; or the link was lost, and the message says
+    which ones were set.
+    """
     from omniwheel.parameters import checked_value
 
     values = parse_assignments(assignments)
