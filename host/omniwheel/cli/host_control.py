@@ -24,8 +24,8 @@ from omniwheel.cli.common import (
     note,
     parse_assignments,
     print_json,
+    redrawn_path,
     signals_interrupt,
-    writable_path,
 )
 from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.cli.options import ASSIGNMENTS, PLOT, XBEE, BaudOption, OwnSeedOption, stop_after_option, takes
@@ -201,7 +201,7 @@ def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostCo
     from omniwheel.host_control.pwm_line import PwmRadio
 
     if wanted.plot is not None:
-        writable_path(wanted.plot, "--plot")
+        redrawn_path(wanted.plot, "--plot")
     for name, place in (("--start", wanted.start), ("the pose", goal.pose or ())):
         if not all(map(math.isfinite, place)):
             raise SetpointError(f"{name} is {', '.join(map(str, place))}; finite numbers are needed")

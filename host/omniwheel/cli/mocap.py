@@ -18,9 +18,9 @@ from omniwheel.cli.common import (
     console,
     examples,
     link_url,
+    new_path,
     note,
     print_json,
-    writable_path,
 )
 from omniwheel.cli.options import ForceOption, OwnSeedOption, SourceOption
 from omniwheel.default_system import default_system
@@ -166,9 +166,7 @@ def record(
     from omniwheel.mocap.recorded import RecordingWriter
     from omniwheel.mocap.streams import open_source
 
-    writable_path(out, "record")
-    if out.exists() and not force:
-        raise typer.BadParameter(f"{out} exists already; choose another name or give --force")
+    new_path(out, "record", force=force)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
         with RecordingWriter(out) as writer:

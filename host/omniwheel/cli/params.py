@@ -24,12 +24,12 @@ from omniwheel.cli.common import (
     error_console,
     examples,
     keep_history,
+    new_path,
     note,
     parse_assignments,
     print_json,
-    writable_path,
 )
-from omniwheel.cli.options import takes
+from omniwheel.cli.options import ForceOption, takes
 from omniwheel.cli.params_output import StoreOption, keep_over_restart, print_changes
 from omniwheel.cli.robot_options import RobotOptions
 from omniwheel.errors import UnknownParameterError
@@ -189,11 +189,12 @@ def set_parameters(
 @takes(RobotOptions)
 def save(
     file: Annotated[Path, typer.Argument(help="TOML file to write.")],
+    force: ForceOption = False,
     *,
     wanted: RobotOptions,
 ) -> None:
     """Save all parameters as a commented TOML file."""
-    writable_path(file, "save")
+    new_path(file, "save", force=force)
     with wanted.open() as robot:
         values = _download(robot, wanted.as_json)
         robot.parameters.save(file)
