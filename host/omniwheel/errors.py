@@ -16,7 +16,8 @@
     │   ├── UnknownParameterError     no such name; says which one is close        (bad input, a KeyError)
     │   ├── ParameterRangeError       the value is not allowed; says what is       (bad input, a ValueError)
     │   ├── ParameterFileError        a parameter file cannot be read              (bad input)
-    │   └── ParameterRefusedError     the robot kept its old value; says why
+    │   ├── ParameterRefusedError     the robot kept its old value; says why
+    │   └── OtherRobotError           a parameter file is of a robot with other hardware; lists what differs
     ├── SetpointError                 a set-point or argument that is no number    (bad input, a ValueError)
     │   └── LimitError                one that this robot cannot follow; names the limit
     ├── CommandRefusedError           the robot answered a command with a refusal; says why
@@ -160,6 +161,10 @@ class ParameterRefusedError(ParameterError):
         self.wanted = wanted
         self.kept = kept
         self.reasons = tuple(reasons)
+
+
+class OtherRobotError(ParameterError):
+    """A parameter file is of a robot with other wheels, geometry or wiring; nothing was set."""
 
 
 class SetpointError(OmniError, ValueError):

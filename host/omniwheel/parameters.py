@@ -26,6 +26,7 @@ from omniwheel.errors import (
     ParameterRefusedError,
     UnknownParameterError,
 )
+from omniwheel.other_hardware import WHEELS, require_same_hardware
 from omniwheel.texts import TextLog
 
 REPLY_TIMEOUT_S = 1.2
@@ -348,14 +349,17 @@ class Parameters(MutableMapping[str, float]):
         """Write all parameters to a TOML file that :meth:`load` reads."""
         parameter_file.write(path, dict(self.items()), self.table)
 
-    def load(self, path: Path | str) -> dict[str, tuple[float, float]]:
+    def load(self, path: Path | str, *, force: bool = False) -> dict[str, tuple[float, float]]:
         """Set every parameter of a file, all or none; return those that changed as {name: (before, after)}.
 
+        Raises OtherRobotError if wheels, geometry or wiring differ, unless ``force`` is given; nothing was set then.
         The robot keeps its ``SYS_ID``: with that of another robot's file the two would be one on a shared line. To take
         it over set it: ``robot.parameters["SYS_ID"] = 2``.
         """
         wanted = without_system(parameter_file.read(path, self.table))
         changes = self.diff(wanted)
+        if not force:
+            require_same_hardware(changes, self[WHEELS], self.table)
         self.set_many({name: after for name, (_, after) in changes.items()})
         return changes
 

@@ -216,11 +216,16 @@ def load(
         ),
     ],
     store: StoreOption = False,
+    other_robot: Annotated[
+        bool, typer.Option("--other-robot", help="Also set wheels, geometry and wiring that are another robot's.")
+    ] = False,
     why: WhyOption = "",
     *,
     wanted: RobotOptions,
 ) -> None:
     """Set the parameters of a file or preset, all or none, and show what changed.
+
+    Exit code 1: the file is of a robot with other wheels, geometry or wiring; they are listed, and nothing is set.
 
     The robot keeps its number on the line, SYS_ID. `omni params set SYS_ID=2` gives it another one.
     """
@@ -231,7 +236,7 @@ def load(
     with wanted.open() as robot:
         keep_history(robot, why)
         _download(robot, wanted.as_json)
-        changes = robot.parameters.load(path)
+        changes = robot.parameters.load(path, force=other_robot)
         if system not in (None, robot.parameters[SYSTEM]):
             note(
                 f"the robot keeps {SYSTEM} {robot.parameters[SYSTEM]:g}; "
