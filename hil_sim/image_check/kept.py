@@ -11,7 +11,7 @@ from hil_sim.image_check.check import CI, NIGHTLY, Check
 from hil_sim.image_check.fault_drive import FINE_S, install
 from hil_sim.image_check.stops import COMMAND_LIMIT_S, TURN_RAD_S, driving
 from hil_sim.rt1062 import Channel, Options
-from omniwheel.bringup.bench import safety_of
+from omniwheel.bringup.other_stops import safety_of
 from omniwheel.errors import ArmingRefusedError, CommandRefusedError
 from omniwheel.robot import SETPOINT_PERIOD_S, Robot
 

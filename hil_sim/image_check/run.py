@@ -19,6 +19,8 @@ from hil_sim.scenario import load_scenario
 from omniwheel.errors import FirmwareStartError, OmniError
 
 WORLD = "stand"
+PAGE_BEGINS = "# Check of"
+"""How the page with the outcomes begins."""
 """The scenario whose world the checks use unless they say otherwise: the robot on a stand."""
 
 
@@ -155,7 +157,7 @@ def outcome_page(image: Path, robot: str, depth: str, seed: int, outcomes: Itera
     failed = sum(not outcome.passed for outcome in outcomes)
     verdict = "all passed" if failed == 0 else f"**{failed} failed**"
     lines = [
-        f"# Check of {image.name} for {robot}",
+        f"{PAGE_BEGINS} {image.name} for {robot}",
         "",
         f"{len(outcomes)} checks ({depth}, seed {seed}) on the emulated i.MX RT1062: {verdict}.",
         "",

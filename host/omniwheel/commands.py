@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from collections import deque
 from collections.abc import Callable
 
 from omniwheel.connection import Connection
@@ -33,6 +34,7 @@ CANCELLED = "CANCELLED"
 """Result of a command that is not repeated any more, because another station has stopped the robot meanwhile."""
 _LAST_NUMBER = 65535
 _LAST_CONFIRMATION = 255
+_RECEIPTS_KEPT = 64
 _BUSY = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 
 
@@ -54,14 +56,23 @@ class Commander:
         # Another program of this station may have used the first numbers a moment ago.
         self._number = int(connection.clock() * 1e3) % _LAST_NUMBER
         self._receipts = False  # the robot has given one
+        self._sent: deque[int] = deque(maxlen=_RECEIPTS_KEPT)
 
-    def send(self, command: int, *params: float, what: str, last: tuple[float, float] = (0.0, 0.0)) -> None:
+    def send(
+        self,
+        command: int,
+        *params: float,
+        what: str,
+        last: tuple[float, float] = (0.0, 0.0),
+        after_own_stop: bool = False,
+    ) -> None:
         """Send a COMMAND_LONG and wait for its COMMAND_ACK.
 
         ``params`` are up to four, ``last`` the sixth and seventh. ``what`` describes it in errors ("to arm"). A command
-        that begins a motion is not repeated once the robot has said that another station stopped it. Raises
-        CommandRefusedError (ArmingRefusedError for arming), LinkTimeoutError, or SetpointError for a number that fits
-        no float32.
+        that begins a motion is not repeated once the robot has said that another station stopped it. With
+        ``after_own_stop`` the first copy, too, counts as a repetition: the robot refuses it if the latest stop within
+        15 s came from another sender. Raises CommandRefusedError (ArmingRefusedError for arming), LinkTimeoutError, or
+        SetpointError for a number that fits no float32.
         """
         mark = self._texts.mark()
         numbered, receipt = self._numbered(params, last, what)
@@ -80,7 +91,7 @@ class Commander:
             lambda m: answers.append(m) if self._answers(m, command, receipt) else None
         )
         try:
-            ack = self._settled(command, numbered, answers, end_s, before_repeating)
+            ack = self._settled(command, numbered, answers, end_s, before_repeating, int(after_own_stop))
         finally:
             remove()
         if ack is None:
@@ -96,17 +107,19 @@ class Commander:
         answers: list[Message],
         end_s: float,
         before_repeating: Callable[[], None],
+        first_confirmation: int,
     ) -> Message | None:
         """Send copies until one is answered; "temporarily rejected" is tried again until ``end_s``.
 
-        ``answers`` get the answers as they come. Returns the one that counts, or None after ten silent tries.
+        ``answers`` get the answers as they come. ``first_confirmation`` is that of the first copy. Returns the one
+        that counts, or None after ten silent tries.
         """
         copies = silent = 0
         while silent < TRIES:
             if copies:
                 before_repeating()
             known = len(answers)
-            self._send_copy(command, numbered, copies)
+            self._send_copy(command, numbered, first_confirmation + copies)
             copies += 1
             self._await_answer(answers, known)
             silent = silent + 1 if len(answers) == known else 0
@@ -120,10 +133,10 @@ class Commander:
                 return final or answers[-1]
         return None
 
-    def _send_copy(self, command: int, numbered: list[float], copies: int) -> None:
+    def _send_copy(self, command: int, numbered: list[float], confirmation: int) -> None:
         target = self._connection.target_system, self._connection.target_component
-        confirmation = min(copies, _LAST_CONFIRMATION)
-        self._connection.send(mavlink.MAVLink_command_long_message(*target, command, confirmation, *numbered))
+        count = min(confirmation, _LAST_CONFIRMATION)
+        self._connection.send(mavlink.MAVLink_command_long_message(*target, command, count, *numbered))
 
     def _await_answer(self, answers: list[Message], known: int) -> None:
         self._connection.wait(lambda _: len(answers) > known, ACK_TIMEOUT_S)
@@ -140,7 +153,12 @@ class Commander:
         except (OverflowError, struct.error) as error:
             raise SetpointError(f"a parameter of the command {what} does not fit a float32: {error}") from error
         (receipt,) = struct.unpack("<i", struct.pack("<I", zlib.crc32(packed)))
+        self._sent.append(receipt)
         return numbered, receipt
+
+    def is_of_another(self, ack: Message) -> bool:
+        """Return whether a COMMAND_ACK answers the command of another sender, as a hub or a shared radio brings it."""
+        return ack.result_param2 not in self._sent and (self._receipts or ack.result_param2 != 0)
 
     def _answers(self, message: Message, command: int, receipt: int) -> bool:
         if message.get_type() != "COMMAND_ACK" or message.command != command:

@@ -16,7 +16,8 @@
     │   ├── UnknownParameterError     no such name; says which one is close        (bad input, a KeyError)
     │   ├── ParameterRangeError       the value is not allowed; says what is       (bad input, a ValueError)
     │   ├── ParameterFileError        a parameter file cannot be read              (bad input)
-    │   └── ParameterRefusedError     the robot kept its old value; says why
+    │   ├── ParameterRefusedError     the robot kept its old value; says why
+    │   └── OtherRobotError           a parameter file is of a robot with other hardware; lists what differs
     ├── SetpointError                 a set-point or argument that is no number    (bad input, a ValueError)
     │   └── LimitError                one that this robot cannot follow; names the limit
     ├── CommandRefusedError           the robot answered a command with a refusal; says why
@@ -41,6 +42,7 @@
     │   └── DataSheetError            a data sheet whose numbers are missing or contradict
     ├── HistoryError                  a history of parameters, or an entry that it does not have (bad input)
     ├── LogError                      a log, its column mapping or calibration      (bad input, a ValueError)
+    │   └── OtherBurstError           the robot's burst is not the one that was asked for
     ├── DatasetError                  measured data that is no valid dataset           (bad input, a ValueError)
     ├── IdentificationError           the data cannot show what was asked for; says what is missing
     ├── AutotuneError                 a robot could not be tuned; it has its old parameters
@@ -159,6 +161,10 @@ class ParameterRefusedError(ParameterError):
         self.wanted = wanted
         self.kept = kept
         self.reasons = tuple(reasons)
+
+
+class OtherRobotError(ParameterError):
+    """A parameter file is of a robot with other wheels, geometry or wiring; nothing was set."""
 
 
 class SetpointError(OmniError, ValueError):
@@ -280,6 +286,12 @@ class LogError(OmniError, ValueError):
     """A log, a column mapping or a calibration that is missing, malformed or does not hold what is asked of it."""
 
     exit_code = 2
+
+
+class OtherBurstError(LogError):
+    """The burst that the robot holds is not the one that was asked for: another program has begun one."""
+
+    exit_code = 1
 
 
 class HistoryError(OmniError, ValueError):

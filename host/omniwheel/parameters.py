@@ -18,12 +18,15 @@ from omniwheel import parameter_file
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import (
+    LinkLostError,
     LinkTimeoutError,
+    OmniError,
     ParameterError,
     ParameterRangeError,
     ParameterRefusedError,
     UnknownParameterError,
 )
+from omniwheel.other_hardware import WHEELS, require_same_hardware
 from omniwheel.texts import TextLog
 
 REPLY_TIMEOUT_S = 1.2
@@ -87,6 +90,27 @@ class _Values:
         if message.param_index < message.param_count:
             self.count = message.param_count
             self.names[message.param_index] = name
+
+
+class _Work:
+    """How far the setting of several parameters has come; ``verb`` says what it is."""
+
+    def __init__(self, verb: str = "set") -> None:
+        self.confirmed: list[str] = []
+        self.asked = ""
+        """What was sent and has no answer yet."""
+        self._verb = verb
+
+    def interrupted(self, error: LinkLostError | LinkTimeoutError, names: Iterable[str]) -> OmniError:
+        """Return a lost link's error that says what was set, and what the robot may have."""
+        left = [name for name in names if name not in (*self.confirmed, self.asked)]
+        parts = [
+            f"{self._verb} before: {', '.join(self.confirmed) or 'none'}",
+            f"not known: {self.asked}",
+            *([f"not {self._verb}: {', '.join(left)}"] if left else []),
+        ]
+        hint = f"once the link is back, look with: omni params get {' '.join(names)}"
+        return type(error)(f"{error} ({'; '.join(parts)})", hint=hint)
 
 
 class Parameters(MutableMapping[str, float]):
@@ -231,16 +255,19 @@ class Parameters(MutableMapping[str, float]):
 
         All are checked before any is sent. Some combinations are only valid together, so a refused value is tried again
         after the others. If one stays refused, those already set get their old values back and ParameterRefusedError is
-        raised.
+        raised; the same on Ctrl-C. On a lost link nothing can be set back: LinkLostError or LinkTimeoutError then says
+        which values the robot has confirmed, and which one it may have.
         """
         self._hear_others(values)
         wanted = {name: self.check(name, value) for name, value in values.items()}
         old = {name: self[name] for name in wanted}
         todo = {name: value for name, value in wanted.items() if value != old[name]}
+        work = _Work()
         try:
-            self._set_in_any_order(todo)
-        except ParameterError:
-            self._set_back({name: old[name] for name in todo if self._cache.by_name.get(name) != old[name]})
+            self._set_in_any_order(todo, work)
+        except (ParameterError, KeyboardInterrupt):
+            undone = [name for name in todo if name == work.asked or self._cache.by_name.get(name) != old[name]]
+            self._set_back({name: old[name] for name in undone})
             raise
 
     def _hear_others(self, names: Iterable[str]) -> None:
@@ -248,23 +275,32 @@ class Parameters(MutableMapping[str, float]):
         if SYSTEM in names:
             self._connection.pump(OTHERS_HEARD_S)
 
-    def _set_in_any_order(self, todo: dict[str, float]) -> None:
+    def _set_in_any_order(self, todo: dict[str, float], work: _Work) -> None:
+        try:
+            self._set_until_refused(todo, work)
+        except (LinkLostError, LinkTimeoutError) as error:
+            raise work.interrupted(error, todo) from error
+
+    def _set_until_refused(self, todo: dict[str, float], work: _Work) -> None:
         while todo:
             refused: dict[str, float] = {}
             problem: ParameterRefusedError | None = None
             for name, value in todo.items():
+                work.asked = name
                 try:
                     self._set(name, value)
+                    work.confirmed.append(name)
                 except ParameterRefusedError as error:
                     refused[name] = value
                     problem = problem or error
+                work.asked = ""
             if problem is not None and len(refused) == len(todo):
                 raise problem
             todo = refused
 
     def _set_back(self, old: dict[str, float]) -> None:
         try:
-            self._set_in_any_order(old)
+            self._set_in_any_order(old, _Work("set back"))
         except ParameterRefusedError as error:
             raise ParameterError(
                 f"some parameters could not be set back: {error}", hint="compare with `omni params diff`"
@@ -313,14 +349,17 @@ class Parameters(MutableMapping[str, float]):
         """Write all parameters to a TOML file that :meth:`load` reads."""
         parameter_file.write(path, dict(self.items()), self.table)
 
-    def load(self, path: Path | str) -> dict[str, tuple[float, float]]:
+    def load(self, path: Path | str, *, force: bool = False) -> dict[str, tuple[float, float]]:
         """Set every parameter of a file, all or none; return those that changed as {name: (before, after)}.
 
+        Raises OtherRobotError if wheels, geometry or wiring differ, unless ``force`` is given; nothing was set then.
         The robot keeps its ``SYS_ID``: with that of another robot's file the two would be one on a shared line. To take
         it over set it: ``robot.parameters["SYS_ID"] = 2``.
         """
         wanted = without_system(parameter_file.read(path, self.table))
         changes = self.diff(wanted)
+        if not force:
+            require_same_hardware(changes, self[WHEELS], self.table)
         self.set_many({name: after for name, (_, after) in changes.items()})
         return changes
 

@@ -11,6 +11,7 @@ from contextlib import suppress
 
 from omni_schema import ParameterTable, load_parameters
 from omniwheel.burst import Burst, parse_burst
+from omniwheel.burst_request import BurstRequest
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
 from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count
 from omniwheel.commands import CANCELLED, Commander, message_id
@@ -36,7 +37,7 @@ from omniwheel.setpoints import (
     pose_target,
     velocity_target,
 )
-from omniwheel.signing import Signer, fingerprint, setup_message
+from omniwheel.signing import Signer, install_key
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import SigningStatus, TelemetryT, decode
 from omniwheel.texts import TextLog
@@ -47,8 +48,6 @@ SETPOINT_PERIOD_S = 0.05
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
-_SIGNING_TRIES = 3
-_NO_KEY = "00000000"
 
 
 class Robot:
@@ -70,6 +69,7 @@ class Robot:
         self.parameters = Parameters(connection, table, self.texts)
         self.commands = Commander(connection, self.texts)
         self._board = StatusBoard(connection)
+        self._burst = BurstRequest(connection, self.commands.is_of_another)
         self.guard = DriveGuard(connection, self.texts, lambda: self.status)
         self._version: RobotVersion | None = None
         self.on_store: Callable[[], None] | None = None
@@ -202,9 +202,10 @@ class Robot:
         self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 1.0, what="to stop at once")
         self.guard.end()
 
-    def estop_clear(self) -> None:
-        """Release the emergency stop; the robot is then disarmed."""
-        self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 0.0, what="to release the emergency stop")
+    def estop_clear(self, *, after_own_stop: bool = False) -> None:
+        """Release the emergency stop: disarmed then. ``after_own_stop``: not if another sender's stop came in 15 s."""
+        command, what = mavlink.MAV_CMD_OMNI_ESTOP, "to release the emergency stop"
+        self.commands.send(command, 0.0, what=what, after_own_stop=after_own_stop)
 
     # ---- what it can follow
 
@@ -359,18 +360,19 @@ class Robot:
         ``wait`` the recording begins with the next experiment. A duration of 0 ends a recording early. Raises
         CommandRefusedError with the robot's reason, such as how much its memory holds.
         """
-        numbers = burst_request(duration_s, signals, every, wheels)
-        self.commands.send(
-            mavlink.MAV_CMD_OMNI_BURST, *numbers, what="to record a burst", last=(1.0 if wait else 0.0, 0.0)
-        )
+        numbers, last = burst_request(duration_s, signals, every, wheels), (float(wait), 0.0)
+        with self._burst.asking(duration_s, signals, every, wheels, wait):
+            self.commands.send(mavlink.MAV_CMD_OMNI_BURST, *numbers, what="to record a burst", last=last)
 
     def fetch_burst(self, timeout_s: float = DEFAULT_TIMEOUT_S, progress: Progress | None = None) -> Burst:
         """Wait until the recording is over, for ``timeout_s`` at most, and fetch it; what is lost comes again.
 
-        Raises LogError if there is none by then, or what came is no burst.
+        Raises LogError if there is none by then, or what came is no burst, or not that of :meth:`start_burst`.
         """
         download = LogDownload(self.connection)
-        return parse_burst(download.fetch(download.await_log(timeout_s), progress))
+        burst = parse_burst(download.fetch(download.await_log(timeout_s), progress))
+        self._burst.check(burst)
+        return burst
 
     def record_burst(
         self, duration_s: float, signals: Sequence[str] = (), *, every: int = 1, wheels: Sequence[int] = ()
@@ -399,7 +401,8 @@ class Robot:
         """
         numbers = excitation_request(place, which, amplitude, duration_s)
         sweep = (finite("from_hz", from_hz), finite("to_hz", to_hz))
-        self.commands.send(mavlink.MAV_CMD_OMNI_EXCITE, *numbers, what="to excite a loop", last=sweep)
+        with self._burst.beginning():
+            self.commands.send(mavlink.MAV_CMD_OMNI_EXCITE, *numbers, what="to excite a loop", last=sweep)
 
     def end_excitation(self) -> None:
         """End an excitation that goes on; nothing happens without one."""
@@ -435,15 +438,10 @@ class Robot:
 
         Raises CommandRefusedError with the robot's reasons.
         """
-        wanted = fingerprint(key) if key is not None else _NO_KEY
         mark = self.texts.mark()
-        for _ in range(_SIGNING_TRIES):
-            target = (self.connection.target_system, self.connection.target_component)
-            self.send(setup_message(*target, key, time.time()))
-            status = self.signing_status()
-            if status.fingerprint == wanted and status.state == ("on" if key is not None else "off"):
-                return
-        raise CommandRefusedError("the signing key", "DENIED", self.texts.reasons_since(mark))
+        target = (self.connection.target_system, self.connection.target_component)
+        if not install_key(target, key, self.send, self.signing_status):
+            raise CommandRefusedError("the signing key", "DENIED", self.texts.reasons_since(mark))
 
     def _storage(self, action: int, what: str) -> None:
         self.commands.send(mavlink.MAV_CMD_PREFLIGHT_STORAGE, float(action), what=what)

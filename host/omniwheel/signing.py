@@ -14,7 +14,7 @@ import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from omniwheel import files
 from omniwheel.dialect import mavlink
@@ -28,6 +28,8 @@ EPOCH_S = 1_420_070_400
 _SIGNED_FLAG = 1
 _FLAGS_AT = 2
 _RADIO_STATUS = 109
+_NO_KEY = "00000000"
+_TRIES = 3
 
 
 def fingerprint(key: bytes) -> str:
@@ -135,3 +137,30 @@ def setup_message(system: int, component: int, key: bytes | None, now_s: float) 
     if key is None:
         return mavlink.MAVLink_setup_signing_message(system, component, list(bytes(KEY_BYTES)), 0)
     return mavlink.MAVLink_setup_signing_message(system, component, list(key), timestamp(now_s))
+
+
+class SigningState(Protocol):
+    """What a robot tells of its key: its fingerprint, and on or off."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Of the key that is installed."""
+        ...
+
+    @property
+    def state(self) -> str:
+        """On, off or damaged."""
+        ...
+
+
+def install_key(
+    target: tuple[int, int], key: bytes | None, send: Callable[[Any], None], ask: Callable[[], SigningState]
+) -> bool:
+    """Send a robot (system, component) its key, or None to remove it, until it has it; return whether it does."""
+    wanted = (_NO_KEY, "off") if key is None else (fingerprint(key), "on")
+    for _ in range(_TRIES):
+        send(setup_message(*target, key, time.time()))
+        status = ask()
+        if (status.fingerprint, status.state) == wanted:
+            return True
+    return False

@@ -17,7 +17,7 @@ from hil_sim.scenario import load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.soak import ICOUNT_SHIFT, run_soak
 from omniwheel import Robot, connect
-from omniwheel.bringup.bench import safety_of
+from omniwheel.bringup.other_stops import safety_of
 from omniwheel.connection import Connection
 from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.errors import CommandRefusedError, StoppedError

@@ -133,6 +133,14 @@ def test_numbers_are_those_of_the_telemetry() -> None:
     assert numbers["top_wheel_rad_s"] is None
 
 
+def test_a_row_that_is_no_number_is_left_out_and_said() -> None:
+    rows = [tracking(100 * k, math.nan if k == 5 else 0.1 * k, 0.0, 0.1 * k) for k in range(11)]
+    record = record_of(rows)
+    assert record.numbers()["way_m"] == pytest.approx(1.0)
+    assert len(record.time_s) == 10
+    assert len(record.notes) == 1
+
+
 def test_a_heading_beyond_a_half_turn_is_no_error() -> None:
     rows = [tracking(100 * k, 0.0, math.remainder(0.2 * k, math.tau), 0.0) for k in range(40)]
     record = record_of(rows)

@@ -126,7 +126,7 @@ def test_a_saved_file_sets_another_robot_up_the_same(url: str, tmp_path: Path) -
         robot.parameters.save(tmp_path / "p.toml")
         saved = robot.parameters.download()
     with FirmwareProcess("four_wheel") as other, connect(other.urls[0]) as robot:
-        robot.parameters.load(tmp_path / "p.toml")
+        robot.parameters.load(tmp_path / "p.toml", force=True)
         assert robot.parameters.download() == saved
 
 

@@ -9,11 +9,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from omni_schema import as_float32
 from omniwheel import Robot, connect
+from omniwheel.cli import app
 from omniwheel.errors import (
+    LinkLostError,
     LinkTimeoutError,
+    OtherRobotError,
     ParameterFileError,
     ParameterRangeError,
     ParameterRefusedError,
@@ -177,3 +181,88 @@ def test_a_bad_file_changes_nothing_and_says_where(
 def test_a_missing_file_is_named(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(ParameterFileError, match=r"nowhere\.toml: no such file"):
         robot.parameters.load(tmp_path / "nowhere.toml")
+
+
+@pytest.mark.parametrize("gone", ["silent", "closed"])
+def test_a_link_that_is_lost_half_way_names_what_was_set_and_what_is_not_known(
+    fake: Any, robot: Robot, gone: str
+) -> None:
+    answer = fake._answer
+
+    def lost(message: Any) -> None:
+        if message.get_type() == "PARAM_SET" and message.param_id == "LIM_W":
+            fake.silent = True
+            if gone == "closed":
+                fake.read = closed
+        answer(message)
+
+    def closed(_timeout_s: float) -> bytes:
+        raise LinkLostError("the port is gone")
+
+    fake._answer = lost
+    with pytest.raises((LinkLostError, LinkTimeoutError)) as error:
+        robot.parameters.set_many({"LIM_V": 0.7, "LIM_W": 1.5, "ISMC_LAM_XY": 9.0})
+    assert fake.values["LIM_V"] == pytest.approx(0.7)
+    assert fake.values["ISMC_LAM_XY"] != 9.0
+    assert all(name in str(error.value) for name in ("LIM_V", "LIM_W", "ISMC_LAM_XY"))
+    assert "LIM_V LIM_W ISMC_LAM_XY" in error.value.hint
+
+
+def test_ctrl_c_half_way_sets_the_old_values_back(fake: Any, robot: Robot) -> None:
+    old = dict(fake.values)
+    answer = fake._answer
+    pressed: list[Any] = []
+
+    def interrupted(message: Any) -> None:
+        answer(message)
+        if message.get_type() == "PARAM_SET" and message.param_id == "LIM_W" and not pressed:
+            pressed.append(message)
+            raise KeyboardInterrupt
+
+    fake._answer = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        robot.parameters.set_many({"LIM_V": 0.7, "LIM_W": 1.5, "ISMC_LAM_XY": 9.0})
+    assert fake.values == old
+
+
+OTHER_HARDWARE = {
+    "wheels": "WHEELS = 4",
+    "angle": "W2_ANGLE = 90",
+    "radius": "WHEEL_RADIUS = 0.06",
+    "distance": "WHEEL_DIST = 0.2",
+    "encoder": "ENC_CPR = 4000",
+    "direction": "W1_MOT_DIR = -1",
+    "wiring": "W3_IN1_CH = 9",
+}
+
+
+@pytest.mark.parametrize("name", OTHER_HARDWARE)
+def test_the_file_of_another_robot_is_named_and_sets_nothing(
+    fake: Any, robot: Robot, tmp_path: Path, name: str
+) -> None:
+    file = tmp_path / "other.toml"
+    file.write_text(f"[parameters]\nISMC_LAM_XY = 9\n{OTHER_HARDWARE[name]}\n")
+    before = dict(fake.values)
+    with pytest.raises(OtherRobotError) as caught:
+        robot.parameters.load(file)
+    assert OTHER_HARDWARE[name].split()[0] in str(caught.value)
+    assert "ISMC_LAM_XY" not in str(caught.value)
+    assert fake.values == before
+    assert len(robot.parameters.load(file, force=True)) == 2
+
+
+def test_a_calibrated_file_of_the_same_robot_is_loaded(robot: Robot, tmp_path: Path) -> None:
+    file = tmp_path / "calibrated.toml"
+    file.write_text(
+        "[parameters]\nWHEEL_RADIUS = 0.0505\nWHEEL_DIST = 0.2601\nW1_RSCALE = 1.02\nW1_ANGLE = 1.5\nW4_ANGLE = 200\n"
+    )
+    assert len(robot.parameters.load(file)) == 5
+
+
+def test_the_command_wants_force_for_another_robots_file(tmp_path: Path, sitl: str) -> None:
+    file = tmp_path / "other.toml"
+    file.write_text("[parameters]\nW3_MOT_DIR = -1\n")
+    words = ["params", "load", str(file), "--link", sitl]
+    assert CliRunner().invoke(app, words).exit_code == 1
+    assert CliRunner().invoke(app, [*words, "--other-robot"]).exit_code == 0
+    assert CliRunner().invoke(app, words).exit_code == 0  # it is this robot's now

@@ -177,7 +177,7 @@ def test_a_plot_names_the_jumps_and_does_not_draw_across_them(tmp_path: Path) ->
     told: dict[str, Any] = json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)
     assert len(told["pose_jumps"]) == told["events"] == 7
     assert told["numbers"]["way_m"] == 0.0
-    shown = CliRunner().invoke(app, words).stdout
+    shown = CliRunner().invoke(app, [*words, "--force"]).stdout
     assert "at 4.97 s the pose estimate jumped by 1.00 m" in " ".join(shown.split())
     assert len(read_record(path).pose_borders()) == 7
 

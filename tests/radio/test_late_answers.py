@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import pytest
 
 from omniwheel import Robot, connect
-from omniwheel.bringup.bench import safety_of
+from omniwheel.bringup.other_stops import safety_of
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError
 from tests.radio.memory_robot import USB, MemoryLink, MemoryRobot

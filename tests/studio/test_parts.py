@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+import asyncio
 import struct
 import threading
+from concurrent.futures import Future
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from hypothesis import strategies as st
 
 from omni_schema import load_parameters
 from omniwheel.connection import Connection
-from omniwheel.errors import LinkError, ParameterError
+from omniwheel.errors import LinkError, OtherRobotError, ParameterError
 from omniwheel.frames import Pose, Twist
 from omniwheel.paths import params_path
 from omniwheel.robot import Robot
@@ -25,6 +27,7 @@ from omniwheel.studio.access import Access
 from omniwheel.studio.edits import Edits
 from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
+from omniwheel.studio.server import StudioServer
 from omniwheel.studio.session import Session, _Silence
 from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
 from omniwheel.studio.studio import Studio
@@ -434,3 +437,28 @@ def test_a_computer_that_stood_still_has_heard_nobody() -> None:
     goes_on = [silence.seconds(3600.0 + n / 10, 3590.2 + n / 10) for n in range(1, 101)]
     assert goes_on[-1] == pytest.approx(10.5, abs=0.1)
     assert silence.seconds(3610.1, 0.1) <= 0.1
+
+
+def test_the_page_loads_no_file_of_another_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    table = load_parameters(params_path())
+    asked: list[Any] = []
+    parameters = SimpleNamespace(known=table.defaults())
+    session = SimpleNamespace(robot=SimpleNamespace(table=table, parameters=parameters))
+
+    def ask(_page: object, action: str, request: object) -> Future[None]:
+        asked.append((action, request))
+        future: Future[None] = Future()
+        future.set_result(None)
+        return future
+
+    server: Any = SimpleNamespace(studio=SimpleNamespace(session=session, ask=ask))
+    page: Any = None
+
+    def load(text: str) -> None:
+        asyncio.run(StudioServer._load(server, page, {"text": f"[parameters]\n{text}\n"}))
+
+    with pytest.raises(OtherRobotError):
+        load("WHEELS = 4\nISMC_LAM_XY = 9")
+    assert not asked
+    load("ISMC_LAM_XY = 9")
+    assert len(asked) == 1

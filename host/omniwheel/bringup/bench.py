@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 
+from omniwheel.bringup.other_stops import OtherStops
 from omniwheel.bringup.result import Findings
 from omniwheel.dialect import Message
 from omniwheel.errors import OmniError
 from omniwheel.robot import SETPOINT_PERIOD_S, Robot
-from omniwheel.telemetry import Health, Sample, Status, decode
+from omniwheel.telemetry import Health, Sample, decode
 
 SAMPLE_HZ = 50.0
 SPIN_S = 1.0
@@ -91,13 +92,6 @@ def health_of(robot: Robot) -> Health:
     return health
 
 
-def safety_of(robot: Robot) -> Status:
-    """Ask for OMNI_STATUS."""
-    status = decode(Status, robot.commands.request_message(Status.message, robot.timeout_s))
-    assert status is not None
-    return status
-
-
 def counted(before: Sample, after: Sample, wheels: int) -> tuple[int, ...]:
     """Return the counts of each wheel's encoder between two samples, in the encoder's own direction."""
     half = _COUNTS_WRAP // 2
@@ -145,24 +139,29 @@ class Samples:
 
 @contextmanager
 def armed(robot: Robot) -> Iterator[None]:
-    """Arm, and disarm at the end, however it comes."""
-    try:
-        robot.arm()
-        yield
-    finally:
-        robot.disarm()
+    """Arm, and disarm at the end, however it comes. Raises OtherStopError if somebody else stopped it meanwhile."""
+    with OtherStops(robot) as others:
+        try:
+            robot.arm()
+            yield
+        finally:
+            robot.disarm()
+        others.require_no_estop()
 
 
 @contextmanager
-def left_released(robot: Robot) -> Iterator[None]:
-    """Disarm and release the emergency stop at the end, however it comes; what the robot refuses then is left."""
-    try:
-        yield
-    finally:
-        with suppress(OmniError):
-            robot.disarm()
-        with suppress(OmniError):
-            robot.estop_clear()
+def left_disarmed(robot: Robot) -> Iterator[OtherStops]:
+    """Disarm at the end, however it comes; what the robot refuses then is left.
+
+    Raises OtherStopError if an emergency stop is on at the beginning.
+    """
+    with OtherStops(robot) as others:
+        others.require_no_estop()
+        try:
+            yield others
+        finally:
+            with suppress(OmniError):
+                robot.disarm()
 
 
 def stream_duty(robot: Robot, duty: Sequence[float], duration_s: float) -> None:
@@ -173,10 +172,13 @@ def stream_duty(robot: Robot, duty: Sequence[float], duration_s: float) -> None:
         robot.pump(min(SETPOINT_PERIOD_S, left_s))
 
 
-def spin(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str) -> bool:
-    """Arm and turn all wheels; note if they do not turn."""
+def spin(
+    robot: Robot, others: OtherStops, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str
+) -> bool:
+    """Arm and turn all wheels; note if they do not turn. Raises OtherStopError if somebody else stopped them."""
     robot.arm()
     stream_duty(robot, [duty] * layout.wheels, SPIN_S)
+    others.require_no_estop()
     turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
     if not turning:
         robot.disarm()

@@ -7,7 +7,8 @@ import math
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
-from omniwheel.bringup.bench import armed, layout_of, safety_of
+from omniwheel.bringup.bench import armed, layout_of
+from omniwheel.bringup.other_stops import safety_of
 from omniwheel.bringup.person import Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import StoppedError

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from omni_schema import Robot as RobotFile
 from omniwheel import __version__
-from omniwheel.bringup.bench import health_of, safety_of
+from omniwheel.bringup.bench import health_of
+from omniwheel.bringup.other_stops import safety_of
 from omniwheel.bringup.radio import RadioProbe
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import Message

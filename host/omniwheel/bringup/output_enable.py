@@ -7,14 +7,13 @@ that stop are stopped by the pin. At the end of each trial the firmware disarms 
 
 from __future__ import annotations
 
-from contextlib import suppress
-
 from omni_schema import Robot as RobotFile
-from omniwheel.bringup.bench import Layout, Samples, layout_of, rest_time_s, safety_of, spin, stream_duty
+from omniwheel.bringup.bench import Layout, Samples, layout_of, left_disarmed, rest_time_s, spin, stream_duty
+from omniwheel.bringup.other_stops import OtherStops, safety_of
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import mavlink
-from omniwheel.errors import CommandRefusedError, OmniError
+from omniwheel.errors import CommandRefusedError
 from omniwheel.limits import OUTPUT_ENABLE_DUTY
 from omniwheel.robot import Robot
 
@@ -56,14 +55,10 @@ def check_output_enable(
         return findings.result()
     require(person, STAND)
     layout = layout_of(robot)
-    try:
-        with Samples(robot) as samples:
-            trials = (("pin", False, _PIN_ADVICE), ("pull-up", True, _PULL_UP_ADVICE))
-            if all(_trial(robot, findings, samples, layout, duty, *trial) for trial in trials):
-                person.tell(BY_HAND)
-    finally:
-        with suppress(OmniError):
-            robot.disarm()
+    with left_disarmed(robot) as others, Samples(robot) as samples:
+        trials = (("pin", False, _PIN_ADVICE), ("pull-up", True, _PULL_UP_ADVICE))
+        if all(_trial(robot, others, findings, samples, layout, duty, *trial) for trial in trials):
+            person.tell(BY_HAND)
     return findings.result()
 
 
@@ -81,6 +76,7 @@ def _has_pin(robot: Robot) -> bool:
 
 def _trial(
     robot: Robot,
+    others: OtherStops,
     findings: Findings,
     samples: Samples,
     layout: Layout,
@@ -90,12 +86,13 @@ def _trial(
     advice: str,
 ) -> bool:
     """Stop turning wheels in one way; return whether they stopped, and by it."""
-    if not spin(robot, findings, samples, layout, duty, name):
+    if not spin(robot, others, findings, samples, layout, duty, name):
         return False
     since_s = samples.all[-1].time_s
     robot.commands.send(mavlink.MAV_CMD_OMNI_OE_TEST, TRIAL_S, float(release), what="to test the output-enable pin")
     stream_duty(robot, [duty] * layout.wheels, _STREAM_S)
     robot.pump(_WATCH_S)
+    others.require_no_estop()
     time_s = rest_time_s(samples, layout, since_s)
     status = safety_of(robot)
     robot.disarm()

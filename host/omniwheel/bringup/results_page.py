@@ -10,6 +10,10 @@ from omniwheel import files
 from omniwheel.bringup.result import Result
 from omniwheel.plain import finite
 
+TITLE = "Bring-up"
+FILES = {"bringup.json": b'{\n  "ok": ', "bringup.md": f"# {TITLE}".encode()}
+"""What is written, and how each file begins."""
+
 
 def as_markdown(results: Sequence[Result], title: str) -> str:
     """Return a table per check."""
@@ -29,7 +33,7 @@ def as_dict(results: Sequence[Result]) -> dict[str, object]:
 
 def write_results(results: Sequence[Result], folder: Path, title: str) -> tuple[Path, Path]:
     """Write both files, over older ones; return their paths. Raises OutputFileError."""
-    json_path, text_path = folder / "bringup.json", folder / "bringup.md"
+    json_path, text_path = (folder / name for name in FILES)
     files.write_json(json_path, finite(as_dict(results)))
     files.write_text(text_path, as_markdown(results, title))
     return json_path, text_path

@@ -4,19 +4,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import suppress
 
 from omni_schema import Robot as RobotFile
 from omniwheel.bringup.bench import (
     Layout,
     Samples,
     layout_of,
-    left_released,
+    left_disarmed,
     rest_time_s,
-    safety_of,
     spin,
     stream_duty,
 )
+from omniwheel.bringup.other_stops import OPENED, OtherStopError, OtherStops, safety_of
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import CommandRefusedError
@@ -30,8 +29,9 @@ WAIT_S = 30.0
 PRESS = "The wheels turn. Press the stop button and keep it pressed"
 LET_GO = "Let the stop button go"
 NO_PIN = "none: the robot file has no stop_button_pin"
-OPENED = "stop button open"
 STILL_OPEN = "stop button is still open"
+STOP_FIRST = "a stop came first"
+"""How the robot refuses a release because another sender has stopped it since."""
 _STEP_S = 0.2
 _WATCH_S = 1.0
 _WIRE = (
@@ -45,29 +45,33 @@ def check_stop_button(
 ) -> Result:
     """Turn the wheels slowly until somebody presses the button. Needs a stand, and a person.
 
-    A robot whose ``file`` has no such pin passes, with a word. ``wait_s``: how long the person may take.
+    A robot whose ``file`` has no such pin passes, with a word. ``wait_s``: how long the person may take. Raises
+    OtherStopError if another stop than the button's is on or comes meanwhile; it stays on.
     """
     findings = Findings("button")
     if file is not None and file.board.stop_button_pin is None:
         findings.good("stop button", NO_PIN)
         return findings.result()
     require(person, STAND)
-    with left_released(robot):
-        if _closed(robot, findings) and _press(robot, person, findings, duty, wait_s) and _held(robot, findings):
-            _let_go(robot, person, findings, wait_s)
+    if not _closed(robot, findings):
+        return findings.result()
+    with left_disarmed(robot) as others:
+        robot.disarm()  # from now on the robot knows a stop of another sender as a later one
+        if _press(robot, others, person, findings, duty, wait_s) and _held(others, findings):
+            _let_go(robot, others, person, findings, wait_s)
     return findings.result()
 
 
 def _closed(robot: Robot, findings: Findings) -> bool:
-    """Release what may still be latched; return whether the contact is closed before anybody presses."""
-    robot.disarm()
-    try:
-        robot.estop_clear()
-    except CommandRefusedError as refusal:
-        findings.bad("at rest", f"open before anybody pressed it: {refusal}", _WIRE)
-        return False
-    robot.pump(_STEP_S)
-    return True
+    """Return whether no press of the button holds the robot already."""
+    if safety_of(robot).state != "estop" or not any(OPENED in text.text for text in robot.texts.all):
+        return True
+    findings.bad(
+        "at rest",
+        "the button holds the robot stopped, open or pressed before",
+        f"let it go and release the stop (`omni stop --release`), then run this again. If nobody pressed it: {_WIRE}",
+    )
+    return False
 
 
 def _until(robot: Robot, condition: Callable[[], bool], wait_s: float, act: Callable[[], None]) -> bool:
@@ -78,10 +82,10 @@ def _until(robot: Robot, condition: Callable[[], bool], wait_s: float, act: Call
     return condition()
 
 
-def _press(robot: Robot, person: Person, findings: Findings, duty: float, wait_s: float) -> bool:
+def _press(robot: Robot, others: OtherStops, person: Person, findings: Findings, duty: float, wait_s: float) -> bool:
     layout = layout_of(robot)
     with Samples(robot) as samples:
-        if not spin(robot, findings, samples, layout, duty, "press"):
+        if not spin(robot, others, findings, samples, layout, duty, "press"):
             return False
         mark = robot.texts.mark()
 
@@ -89,7 +93,7 @@ def _press(robot: Robot, person: Person, findings: Findings, duty: float, wait_s
             return any(OPENED in text.text for text in robot.texts.since(mark))
 
         person.tell(PRESS)
-        pressed = _until(robot, said, wait_s, lambda: _turn(robot, layout, duty))
+        pressed = _until(robot, said, wait_s, lambda: _turn(robot, others, layout, duty, said))
         if not pressed:
             findings.bad("press", f"nothing heard of it within {wait_s:g} s", _WIRE)
             return False
@@ -103,22 +107,37 @@ def _press(robot: Robot, person: Person, findings: Findings, duty: float, wait_s
     return findings.judge("press", stopped, f"{seen} (limit {STOP_LIMIT_S:.2f} s)", advice)
 
 
-def _turn(robot: Robot, layout: Layout, duty: float) -> None:
+def _turn(robot: Robot, others: OtherStops, layout: Layout, duty: float, pressed: Callable[[], bool]) -> None:
     stream_duty(robot, [duty] * layout.wheels, _STEP_S)
+    others.require_none()
+    if robot.status.state == "estop" and not pressed():
+        robot.pump(_STEP_S)  # the robot's state may come before its text
+        if not pressed():
+            others.require_no_estop()
 
 
-def _held(robot: Robot, findings: Findings) -> bool:
-    try:
-        robot.estop_clear()
-    except CommandRefusedError as refusal:
-        return findings.judge(
-            "held", any(STILL_OPEN in reason for reason in refusal.reasons), "the release is refused", _WIRE
-        )
+def _held(others: OtherStops, findings: Findings) -> bool:
+    refusal = _refusal_of_release(others)
+    if refusal is not None:
+        held = any(STILL_OPEN in reason for reason in refusal.reasons)
+        return findings.judge("held", held, "the release is refused", _WIRE)
     findings.bad("held", "released while the button was pressed", f"keep it pressed until told otherwise; else {_WIRE}")
     return False
 
 
-def _let_go(robot: Robot, person: Person, findings: Findings, wait_s: float) -> None:
+def _refusal_of_release(others: OtherStops) -> CommandRefusedError | None:
+    """Try to release the button's stop; return why not. Raises OtherStopError if there is another stop, too."""
+    try:
+        others.release_own()
+    except OtherStopError as error:
+        refusal = error.__cause__
+        if isinstance(refusal, CommandRefusedError) and not any(STOP_FIRST in reason for reason in refusal.reasons):
+            return refusal
+        raise
+    return None
+
+
+def _let_go(robot: Robot, others: OtherStops, person: Person, findings: Findings, wait_s: float) -> None:
     """Only a release leads out: until one is accepted the robot stays stopped."""
     released = False
     stayed = True
@@ -127,9 +146,7 @@ def _let_go(robot: Robot, person: Person, findings: Findings, wait_s: float) -> 
         nonlocal released, stayed
         robot.pump(_STEP_S)
         stayed = stayed and safety_of(robot).state == "estop"
-        with suppress(CommandRefusedError):
-            robot.estop_clear()
-            released = True
+        released = _refusal_of_release(others) is None
 
     person.tell(LET_GO)
     _until(robot, lambda: released, wait_s, try_release)

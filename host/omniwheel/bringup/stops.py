@@ -5,7 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from omniwheel.bringup.bench import Layout, Samples, layout_of, left_released, rest_time_s, safety_of, spin, stream_duty
+from omniwheel.bringup.bench import Layout, Samples, layout_of, left_disarmed, rest_time_s, spin, stream_duty
+from omniwheel.bringup.other_stops import OtherStops, safety_of
 from omniwheel.bringup.person import STAND, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import ArmingRefusedError
@@ -20,13 +21,16 @@ _HEARTBEAT_S = 1.0
 
 
 def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
-    """Try the emergency stop, the stop after the last set-point and the stop after the last heartbeat."""
+    """Try the emergency stop, the stop after the last set-point and the stop after the last heartbeat.
+
+    Raises OtherStopError if somebody else has stopped the robot or does so meanwhile; that stop stays on.
+    """
     require(person, STAND)
     layout = layout_of(robot)
     findings = Findings("estop")
-    with left_released(robot), Samples(robot) as samples:
+    with left_disarmed(robot) as others, Samples(robot) as samples:
         for trial in (_emergency_stop, _command_loss, _link_loss):
-            trial(robot, findings, samples, layout, duty)
+            trial(robot, others, findings, samples, layout, duty)
     return findings.result()
 
 
@@ -37,9 +41,11 @@ def _judge_time(findings: Findings, name: str, time_s: float | None, limit_s: fl
     return findings.judge(name, ok, f"{seen} (limit {limit_s:.2f} s)", advice)
 
 
-def _emergency_stop(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
+def _emergency_stop(
+    robot: Robot, others: OtherStops, findings: Findings, samples: Samples, layout: Layout, duty: float
+) -> None:
     name = "emergency stop"
-    if not spin(robot, findings, samples, layout, duty, name):
+    if not spin(robot, others, findings, samples, layout, duty, name):
         return
     since_s = samples.all[-1].time_s
     robot.estop()
@@ -55,18 +61,31 @@ def _emergency_stop(robot: Robot, findings: Findings, samples: Samples, layout: 
         findings.bad(
             "latch", "the robot armed in an emergency stop", "do not drive: the firmware is broken, flash again"
         )
-    robot.estop_clear()
+    others.release_own()
 
 
-def _command_loss(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
+def _command_loss(
+    robot: Robot, others: OtherStops, findings: Findings, samples: Samples, layout: Layout, duty: float
+) -> None:
     name = "set-point loss"
     limit_s = robot.parameters["SAFE_CMD_TO"]
     _timed_stop(
-        robot, findings, samples, layout, duty, name, limit_s, "SAFE_CMD_TO", lambda: robot.pump(limit_s + _WATCH_S)
+        robot,
+        others,
+        findings,
+        samples,
+        layout,
+        duty,
+        name,
+        limit_s,
+        "SAFE_CMD_TO",
+        lambda: robot.pump(limit_s + _WATCH_S),
     )
 
 
-def _link_loss(robot: Robot, findings: Findings, samples: Samples, layout: Layout, duty: float) -> None:
+def _link_loss(
+    robot: Robot, others: OtherStops, findings: Findings, samples: Samples, layout: Layout, duty: float
+) -> None:
     name = "link loss"
     limit_s = robot.parameters["SAFE_LINK_TO"]
 
@@ -74,11 +93,12 @@ def _link_loss(robot: Robot, findings: Findings, samples: Samples, layout: Layou
         with robot.connection.without_heartbeats():
             stream_duty(robot, [duty] * layout.wheels, limit_s + _HEARTBEAT_S + _WATCH_S)
 
-    _timed_stop(robot, findings, samples, layout, duty, name, limit_s, "SAFE_LINK_TO", fall_silent)
+    _timed_stop(robot, others, findings, samples, layout, duty, name, limit_s, "SAFE_LINK_TO", fall_silent)
 
 
 def _timed_stop(
     robot: Robot,
+    others: OtherStops,
     findings: Findings,
     samples: Samples,
     layout: Layout,
@@ -93,10 +113,11 @@ def _timed_stop(
         advice = f"omni params set {parameter}=3 (at most {LONGEST_TIMEOUT_S:g}), store it, run this again"
         findings.bad(name, f"{parameter} is {limit_s:g} s: too long to stop a robot", advice)
         return
-    if not spin(robot, findings, samples, layout, duty, name):
+    if not spin(robot, others, findings, samples, layout, duty, name):
         return
     since_s = samples.all[-1].time_s
     silence()
+    others.require_no_estop()
     time_s = rest_time_s(samples, layout, since_s)
     advice = (
         f"check {parameter}; is another ground station of the same MAVLink numbers connected, whose heartbeats count "

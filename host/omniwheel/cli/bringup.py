@@ -20,6 +20,7 @@ from omniwheel.cli.common import (
     note,
     open_robot,
     print_json,
+    redrawn_path,
 )
 from omniwheel.cli.options import BaudOption, measure_option, page_option, takes
 from omniwheel.cli.robot_options import RobotOptions
@@ -317,11 +318,13 @@ def all_command(
 ) -> None:
     """Run all checks in order, up to the first that fails; write bringup.json and bringup.md."""
     from omniwheel.bringup import Assumed
-    from omniwheel.bringup.results_page import as_dict, write_results
+    from omniwheel.bringup.results_page import FILES, TITLE, as_dict, write_results
     from omniwheel.bringup.sequence import bring_up
 
     file = None if robot_file is None else read_robot(robot_file)
-    title = "Bring-up" if file is None else f"Bring-up of {file.name}"
+    title = TITLE if file is None else f"{TITLE} of {file.name}"
+    for name, beginning in FILES.items():
+        redrawn_path(folder / name, "--out", beginning)
     results: list[Result] = []
     with ExitStack() as stack:
         robot = stack.enter_context(wanted.open())

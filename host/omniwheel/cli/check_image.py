@@ -16,7 +16,7 @@ from rich.table import Table
 from hil_sim.image_check.check import CI, NIGHTLY, SHORT
 from omniwheel import files
 from omniwheel.cli import completion
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json
+from omniwheel.cli.common import JsonOption, console, examples, note, print_json, redrawn_path
 from omniwheel.cli.options import ListOption, OwnSeedOption, page_option
 from omniwheel.errors import OmniError
 
@@ -69,7 +69,7 @@ def check_image(
 
     Exit code 1 if a check fails. This is a model of the chip; its page says what it leaves out.
     """
-    from hil_sim.image_check.run import all_checks, outcome_page, run_checks
+    from hil_sim.image_check.run import PAGE_BEGINS, all_checks, outcome_page, run_checks
 
     if list_wanted:
         table = Table.grid(padding=(0, 2, 0, 0))
@@ -80,6 +80,8 @@ def check_image(
         return
     if image is None:
         raise typer.BadParameter("which image? `make firmware` links .pio/build/three_wheel/firmware.elf")
+    if page_file is not None:
+        redrawn_path(page_file, "--out", PAGE_BEGINS.encode())
     try:
         outcomes = run_checks(
             image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=say_outcome

@@ -10,7 +10,7 @@ import json
 import shlex
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import cache
 from pathlib import Path
@@ -42,6 +42,13 @@ JSON_WANTED = "omniwheel.json"
 _WHERE_ROBOTS_ARE = (
     "give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760. No robot at hand? `omni sitl` simulates one"
 )
+_HEAD_BYTES = 64
+_PICTURES: Mapping[str, tuple[bytes, ...]] = {
+    ".png": (b"\x89PNG",),
+    ".pdf": (b"%PDF",),
+    ".svg": (b"<?xml", b"<svg"),
+}
+"""How pictures begin, by the ending of their names."""
 WARNING_SEVERITY = 4
 """MAVLink's severities: this one and lower numbers want somebody's attention."""
 
@@ -217,6 +224,35 @@ def writable_path(path: Path, what: str) -> Path:
     if path.is_dir() or not path.parent.is_dir():
         raise typer.BadParameter(f"{path}: {what} needs the name of a file in a folder that exists")
     return path
+
+
+def new_path(path: Path, what: str, *, force: bool) -> Path:
+    """Return ``path`` if a file can be made there and no file is lost; a usage error otherwise.
+
+    What is no regular file, as /dev/stdout, is written into. With ``force`` a file is replaced.
+    """
+    if path.is_file() and not force:
+        raise typer.BadParameter(f"{path} exists already; choose another name or give --force")
+    return writable_path(path, what)
+
+
+def redrawn_path(path: Path, what: str, *beginnings: bytes) -> Path:
+    """Do the same for what is made anew again and again: only a file of the same kind is replaced.
+
+    ``beginnings`` are those of such a file; none: a picture's, as the name's ending says.
+    """
+    known = beginnings or _PICTURES.get(path.suffix.lower(), ())
+    if path.is_file() and (head := _head_of(path)) and not head.startswith(known):
+        raise typer.BadParameter(f"{path} exists already and is another kind of file; choose another name")
+    return writable_path(path, what)
+
+
+def _head_of(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(_HEAD_BYTES)
+    except OSError:
+        return b""  # writing it says what is wrong
 
 
 def parse_assignments(words: list[str]) -> dict[str, float | str]:

@@ -24,8 +24,8 @@ from omniwheel.cli.common import (
     note,
     parse_assignments,
     print_json,
+    redrawn_path,
     signals_interrupt,
-    writable_path,
 )
 from omniwheel.cli.negative_numbers import NumberCommand
 from omniwheel.cli.options import ASSIGNMENTS, PLOT, XBEE, BaudOption, OwnSeedOption, stop_after_option, takes
@@ -176,7 +176,7 @@ def motor(
 ) -> None:
     """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
     from omniwheel.host_control.controller import PERIOD_S
-    from omniwheel.host_control.pwm_line import MOTORS, STOP_LINES, PwmRadio
+    from omniwheel.host_control.pwm_line import MOTORS, PwmRadio
 
     line = tuple(pwm if place == number else 0 for place in range(1, MOTORS + 1))
     with signals_interrupt(), _radio_link(port, baud) as link:
@@ -187,9 +187,7 @@ def motor(
                 radio.offer(line)
                 time.sleep(PERIOD_S)
         finally:
-            for _ in range(STOP_LINES):
-                radio.stop()
-                time.sleep(PERIOD_S)
+            radio.stop_for_good(lambda: time.sleep(PERIOD_S))
     note(
         f"motor {number} had PWM {pwm}. Positive must turn the robot counter-clockwise; if not: W{number}_MOT_DIR = -1"
     )
@@ -203,7 +201,7 @@ def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostCo
     from omniwheel.host_control.pwm_line import PwmRadio
 
     if wanted.plot is not None:
-        writable_path(wanted.plot, "--plot")
+        redrawn_path(wanted.plot, "--plot")
     for name, place in (("--start", wanted.start), ("the pose", goal.pose or ())):
         if not all(map(math.isfinite, place)):
             raise SetpointError(f"{name} is {', '.join(map(str, place))}; finite numbers are needed")

@@ -13,7 +13,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
+from omniwheel.cli.common import JsonOption, console, examples, note, print_json, redrawn_path, writable_path
 from omniwheel.cli.log_options import MappingOption, RobotFileOption, RobotOption, TruthsOption
 from omniwheel.cli.options import PLOT
 from omniwheel.limits import LOG_KINDS
@@ -74,7 +74,7 @@ def identify_geometry(
     if out is not None:
         writable_path(out, "the robot file")
     if plot is not None:
-        writable_path(plot, "--plot")
+        redrawn_path(plot, "--plot")
     nominal = read_robot(robot)
     layout = wheel_model(nominal)
     runs = _runs(logs, truth or [None] * len(logs), mapping, nominal, leave_out)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from rich.markup import escape
 
-from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.common import JsonOption, console, examples, new_path, print_json
 from omniwheel.cli.log_options import (
     MAPPING,
     CalibrationOption,
@@ -23,6 +23,7 @@ from omniwheel.cli.log_options import (
     robot_and_calibration,
     shares_of,
 )
+from omniwheel.cli.options import ForceOption
 from omniwheel.limits import ALIGN_WITHIN_S
 from omniwheel.logs.mapping import read_mapping
 
@@ -40,6 +41,7 @@ def import_command(
     mapping: Annotated[Path, MAPPING],
     out: Annotated[Path, typer.Option("--out", metavar="LOG.npz", help="Where to write the imported log.")],
     truth: TruthOption = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
@@ -49,7 +51,7 @@ def import_command(
 
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
-    writable_path(out, "the imported log")
+    new_path(out, "the imported log", force=force)
     imported, summary = import_log(log, read_mapping(mapping), truth)
     save_log(imported, out)
     if as_json:

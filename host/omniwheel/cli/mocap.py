@@ -18,9 +18,9 @@ from omniwheel.cli.common import (
     console,
     examples,
     link_url,
+    new_path,
     note,
     print_json,
-    writable_path,
 )
 from omniwheel.cli.options import ForceOption, OwnSeedOption, SourceOption
 from omniwheel.default_system import default_system
@@ -79,7 +79,10 @@ def bridge(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Send poses to a robot as pose fixes, with the time of the robot's clock, within the radio's budget."""
+    """Send poses to a robot as pose fixes, with the time of the robot's clock, within the radio's budget.
+
+    Exit code 1: not one pose was used.
+    """
     from omniwheel.mocap.bridge import Bridge, BridgeSettings
     from omniwheel.mocap.streams import open_source
 
@@ -93,31 +96,52 @@ def bridge(
             if possible_Hz < rate:
                 note(f"{budget:g} B/s carry {possible_Hz:.1f} of {rate:g} fixes/s", quiet=as_json)
             note(f"{escape(stream.name)} → {escape(url)}; Ctrl-C ends", quiet=as_json)
+            said = _Said(quiet=as_json)
             try:
-                running.run(duration, None if as_json else _progress)
+                running.run(duration, said.progress)
             except KeyboardInterrupt:
                 note("", quiet=as_json)
+            running.ask_used()
             statistics = running.report()
+            said.reasons(statistics)
     finally:
         stream.close()
     if as_json:
         print_json(statistics.as_dict())
     else:
         console.print(_line(statistics))
+    if statistics.in_vain:
+        note("not one pose was used" if statistics.received else "not one pose came", quiet=as_json)
+        raise typer.Exit(1)
 
 
-def _progress(statistics: BridgeCounts) -> None:
-    note(_line(statistics))
+class _Said:
+    """Prints statistics once per second, and each reason of a refusal once."""
+
+    def __init__(self, *, quiet: bool) -> None:
+        self._quiet = quiet
+        self._known: set[str] = set()
+
+    def progress(self, statistics: BridgeCounts) -> None:
+        note(_line(statistics), quiet=self._quiet)
+        self.reasons(statistics)
+
+    def reasons(self, statistics: BridgeCounts) -> None:
+        for reason in statistics.reasons:
+            if reason not in self._known:
+                self._known.add(reason)
+                note(f"refused: {escape(reason)}", quiet=self._quiet)
 
 
 def _line(s: BridgeCounts) -> str:
     """The statistics in one line."""
     rate = s.sent / s.duration_s if s.duration_s > 0.0 else 0.0
     load = s.bytes_sent / s.duration_s if s.duration_s > 0.0 else 0.0
+    used = "" if s.used is None else f", {s.used} used by the robot"
     latency = "–" if math.isnan(s.latency_mean_s) else f"{1e3 * s.latency_mean_s:.0f} ms"
     return (
         f"{s.received} poses, {s.sent} sent ({rate:.1f}/s, {load:.0f} B/s), {s.overtaken} overtaken, {s.stale} stale, "
-        f"{s.refused} refused; latency {latency}; robot's clock {s.offset_s:+.3f} s "
+        f"{s.refused} refused{used}; latency {latency}; robot's clock {s.offset_s:+.3f} s "
         f"± {1e3 * s.offset_error_s:.0f} ms, round trip {1e3 * s.round_trip_s:.0f} ms"
     )
 
@@ -142,9 +166,7 @@ def record(
     from omniwheel.mocap.recorded import RecordingWriter
     from omniwheel.mocap.streams import open_source
 
-    writable_path(out, "record")
-    if out.exists() and not force:
-        raise typer.BadParameter(f"{out} exists already; choose another name or give --force")
+    new_path(out, "record", force=force)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
         with RecordingWriter(out) as writer:

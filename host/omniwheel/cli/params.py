@@ -24,12 +24,12 @@ from omniwheel.cli.common import (
     error_console,
     examples,
     keep_history,
+    new_path,
     note,
     parse_assignments,
     print_json,
-    writable_path,
 )
-from omniwheel.cli.options import takes
+from omniwheel.cli.options import ForceOption, takes
 from omniwheel.cli.params_output import StoreOption, keep_over_restart, print_changes
 from omniwheel.cli.robot_options import RobotOptions
 from omniwheel.errors import UnknownParameterError
@@ -154,14 +154,22 @@ def get(
 def set_parameters(
     assignments: Annotated[
         list[str],
-        typer.Argument(metavar="NAME=VALUE...", help="All are set, or none.", autocompletion=completion.assignments),
+        typer.Argument(
+            metavar="NAME=VALUE...",
+            help="All are set, or none, while the link lasts.",
+            autocompletion=completion.assignments,
+        ),
     ],
     store: StoreOption = False,
     why: WhyOption = "",
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Set parameters and wait until the robot has confirmed each. Exit code 1: refused, nothing changed."""
+    """Set parameters and wait until the robot has confirmed each.
+
+    Exit code 1: one was refused, and the others have their old values again; or the link was lost, and the message says
+    which ones were set.
+    """
     from omniwheel.parameters import checked_value
 
     values = parse_assignments(assignments)
@@ -181,11 +189,12 @@ def set_parameters(
 @takes(RobotOptions)
 def save(
     file: Annotated[Path, typer.Argument(help="TOML file to write.")],
+    force: ForceOption = False,
     *,
     wanted: RobotOptions,
 ) -> None:
     """Save all parameters as a commented TOML file."""
-    writable_path(file, "save")
+    new_path(file, "save", force=force)
     with wanted.open() as robot:
         values = _download(robot, wanted.as_json)
         robot.parameters.save(file)
@@ -207,11 +216,16 @@ def load(
         ),
     ],
     store: StoreOption = False,
+    other_robot: Annotated[
+        bool, typer.Option("--other-robot", help="Also set wheels, geometry and wiring that are another robot's.")
+    ] = False,
     why: WhyOption = "",
     *,
     wanted: RobotOptions,
 ) -> None:
     """Set the parameters of a file or preset, all or none, and show what changed.
+
+    Exit code 1: the file is of a robot with other wheels, geometry or wiring; they are listed, and nothing is set.
 
     The robot keeps its number on the line, SYS_ID. `omni params set SYS_ID=2` gives it another one.
     """
@@ -222,7 +236,7 @@ def load(
     with wanted.open() as robot:
         keep_history(robot, why)
         _download(robot, wanted.as_json)
-        changes = robot.parameters.load(path)
+        changes = robot.parameters.load(path, force=other_robot)
         if system not in (None, robot.parameters[SYSTEM]):
             note(
                 f"the robot keeps {SYSTEM} {robot.parameters[SYSTEM]:g}; "

@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 from rich.markup import escape
 
-from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.common import JsonOption, console, examples, new_path, print_json, redrawn_path
 from omniwheel.cli.log_options import PartOption
+from omniwheel.cli.options import ForceOption
 from omniwheel.cli.run_output import RunFolderError
 from omniwheel.errors import OmniError
 
@@ -27,6 +28,7 @@ def plot(
         typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: run.png in the run's folder]"),
     ] = None,
     part: PartOption = None,
+    force: ForceOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
     """Draw the picture of a finished run from its stored record, or what a telemetry log shows.
@@ -37,6 +39,8 @@ def plot(
     from omniwheel.drive_log.folder import DRIVE_FILE, TLOG_FILE
     from omniwheel.logs.run_folder import load_run
 
+    if out is not None:
+        new_path(out, "the picture", force=force)
     log = run / TLOG_FILE if run.is_dir() and (run / DRIVE_FILE).is_file() else run
     if log.suffix == ".tlog":
         _plot_log(log, out, json_wanted, part)
@@ -52,7 +56,7 @@ def plot(
     except (OSError, ValueError, KeyError) as error:
         hint = "give the folder of a run, as printed by omni demo, hil and sim"
         raise RunFolderError(f"{run} is not a run: {error}", hint=hint) from error
-    target = writable_path(out, "the picture") if out is not None else run / PICTURE_FILE
+    target = run / PICTURE_FILE if out is None else out
     from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import
 
     try:
@@ -75,7 +79,7 @@ def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None) 
 
     record = read_record(log, part)
     beside = log.with_name(PICTURE_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")
-    target = beside if out is None else writable_path(out, "the picture")
+    target = redrawn_path(beside, "the picture") if out is None else out
     draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)
     if json_wanted:
         document = {"picture": str(target), "numbers": record.numbers(), "events": len(record.events)}

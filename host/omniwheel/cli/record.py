@@ -15,10 +15,10 @@ from omniwheel.cli.common import (
     LinkOption,
     TimeoutOption,
     examples,
+    new_path,
     note,
     open_robot,
     print_json,
-    writable_path,
 )
 from omniwheel.cli.options import ForceOption
 from omniwheel.errors import LinkLostError, OmniError, OutputFileError
@@ -40,9 +40,7 @@ def record(
     as_json: JsonOption = False,
 ) -> None:
     """Record every MAVLink frame of a link, both directions, with time stamps."""
-    writable_path(out, "record")
-    if out.exists() and not force:
-        raise typer.BadParameter(f"{out} exists already; choose another name or give --force")
+    new_path(out, "record", force=force)
     lost: OmniError | None = None
     with TlogWriter(out) as log:
         try:

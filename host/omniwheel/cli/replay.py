@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from omniwheel import files
-from omniwheel.cli.common import JsonOption, console, examples, print_json, writable_path
+from omniwheel.cli.common import JsonOption, console, examples, new_path, print_json, redrawn_path
 from omniwheel.cli.log_options import (
     CalibrationOption,
     LogArgument,
@@ -24,7 +24,7 @@ from omniwheel.cli.log_options import (
     robot_and_calibration,
     shares_of,
 )
-from omniwheel.cli.options import PLOT
+from omniwheel.cli.options import PLOT, ForceOption
 
 if TYPE_CHECKING:
     from omniwheel.logs.alignment import Alignment
@@ -68,6 +68,7 @@ def replay_command(
     csv: Annotated[
         Path | None, typer.Option("--csv", metavar="FILE.csv", help="Write estimate and truth to this file.")
     ] = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Feed a log's counts tick by tick through the robot's own wheel filters and pose EKF.
@@ -82,9 +83,10 @@ def replay_command(
     from omniwheel.logs.alignment import align
     from omniwheel.replay import dropped_counts, fixes_from_truth, replay, require_curve
 
-    for path, what in ((plot, "the picture"), (csv, "the table")):
-        if path is not None:
-            writable_path(path, what)
+    if plot is not None:
+        redrawn_path(plot, "the picture")
+    if csv is not None:
+        new_path(csv, "the table", force=force)
     model, used, source = robot_and_calibration(robot, calibration, no_calibration)
     run_log = open_log(log, model, mapping, truth, part)
     if no_counts:

@@ -13,7 +13,8 @@ from rich.table import Table
 from omni_schema import Robot
 from omniwheel import files
 from omniwheel.cli import completion, robots_new
-from omniwheel.cli.common import JsonOption, console, examples, note, print_json, writable_path
+from omniwheel.cli.common import JsonOption, console, examples, new_path, note, print_json, redrawn_path
+from omniwheel.cli.options import ForceOption
 from omniwheel.cli.robots_new import print_warnings, warnings_of
 from omniwheel.core_config import robot_config
 from omniwheel.errors import RobotFileError
@@ -107,6 +108,7 @@ def export(
         str | None,
         typer.Option("--format", metavar="urdf|sdf|proto|mjcf", help="What to write. \\[default: the file's ending]"),
     ] = None,
+    force: ForceOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Write a robot's bodies for another simulator: chassis, wheels, and every roller with its hinge.
@@ -121,6 +123,7 @@ def export(
         asked = f"--format {wanted}" if wanted else str(file)
         raise typer.BadParameter(f"{asked}: give --format, one of {', '.join(FORMATS)}")
     robot = read_robot(name)
+    new_path(file, "export", force=force)
     files.write_text(file, FORMATS[chosen](robot))
     missing = missing_in(robot, chosen)
     if as_json:
@@ -186,7 +189,7 @@ def _refuse(robot: Robot, found: list[str]) -> None:
 def _png(path: Path) -> Path:
     if path.suffix.lower() != ".png":
         raise typer.BadParameter(f"--plot {path}: the picture is a PNG file; give a name that ends in .png")
-    return writable_path(path, "--plot")
+    return redrawn_path(path, "--plot")
 
 
 def _card_json(shown: Card) -> dict[str, Any]:
@@ -225,7 +228,7 @@ def wiring(
     if out is not None:
         if out.suffix.lower() != ".svg":
             raise typer.BadParameter(f"--out {out}: the drawing is an SVG file; give a name that ends in .svg")
-        write_wiring(plan, out)
+        write_wiring(plan, redrawn_path(out, "--out"))
     if as_json:
         table = [vars(connection) for connection in connections(plan)]
         drawing = None if out is None else str(out)

@@ -27,8 +27,8 @@ from omniwheel.cli.common import (
     open_robot,
     parse_assignments,
     print_json,
+    redrawn_path,
     signals_interrupt,
-    writable_path,
 )
 from omniwheel.cli.options import (
     ASSIGNMENTS,
@@ -148,7 +148,7 @@ def tune(
     wanted_sets = _wanted_sets(assignments, candidates, keep)
     if out.suffix.lower() == ".png":
         raise typer.BadParameter(f"--out is a folder: write --plot {out} for a picture")
-    target = None if plot is None else writable_path(plot, "the picture")
+    target = None if plot is None else redrawn_path(plot, "the picture")
     run = _Run(wanted_sets, _series(wanted, json_wanted), rounds, keep, store, json_wanted)
     trouble: OutputFileError | None = None
     try:

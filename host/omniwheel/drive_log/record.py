@@ -174,6 +174,9 @@ def record_of(messages: Iterable[Message], parameters: Mapping[str, float] | Non
                 known[str(message.param_id)] = float(message.param_value)
     poses, turns = tracking.in_order(), wheels.in_order()
     notes = [f"another part of the log begins at {time_s:.1f} s: {why}" for time_s, why in clock.starts]
+    for kind, name in ((tracking, Tracking.message), (wheels, Wheels.message)):
+        if kind.left_out:
+            notes.append(f"{kind.left_out} of {name} are left out: their numbers are not finite")
     notes += [f"what robot {number} says is left out" for number in sorted(others)]
     record = TelemetryRecord(
         time_s=poses[:, 0],
@@ -208,16 +211,19 @@ def _with_jumps_said(record: TelemetryRecord) -> TelemetryRecord:
 
 
 class _Rows:
-    """Rows of numbers that came one by one, of which the first is the time."""
+    """Rows of numbers that came one by one, of which the first is the time; ``left_out`` had one that is not finite."""
 
     def __init__(self, width: int) -> None:
+        self.left_out = 0
         self._width = width
         self._numbers = array("d")
 
     def add(self, time_s: float, *parts: Sequence[float]) -> None:
-        self._numbers.append(time_s)
-        for part in parts:
-            self._numbers.extend(part)
+        row = [time_s, *(number for part in parts for number in part)]
+        if all(map(math.isfinite, row)):
+            self._numbers.extend(row)
+        else:
+            self.left_out += 1
 
     def in_order(self) -> Array:
         """Return the rows in the order of time; the latest of those of one time."""

@@ -20,6 +20,7 @@ from omniwheel._core import ffi, lib
 from omniwheel.core_config import plan_trajectory, robot_config
 from omniwheel.errors import CoreError, ParameterRangeError
 from omniwheel.frames import Pose, Twist
+from omniwheel.host_control.fix_checks import FixChecks
 from omniwheel.host_control.pwm_line import FULL_PWM, MOTORS, STOP, PwmLine
 from omniwheel.limits import HOST_CONTROL_DELAY_S
 from omniwheel.mocap.source import MocapPose
@@ -105,6 +106,7 @@ class _Core:
     control: Any = field(default_factory=lambda: ffi.new("omni_control_state_t *"))
     wheels: Any = field(default_factory=lambda: ffi.new("omni_real_t[]", MOTORS))
     delta: Any = field(default_factory=lambda: ffi.new("omni_real_t[]", MOTORS))
+    way: Any = field(default_factory=lambda: ffi.new("omni_twist_t *"))
 
 
 class HostController:
@@ -139,6 +141,9 @@ class HostController:
         self._last_pose: Pose | None = None
         self._saturated = False
         self.last_fix_s = -math.inf
+        self.refusal = ""
+        """Why the latest pose was not used; "": it was."""
+        self._checks = FixChecks()
 
     def _check_controller(self, robot: Robot) -> None:
         names = parameter_table()["CTL_MODE"].values or {}
@@ -177,10 +182,13 @@ class HostController:
         return _START_US + round((time_s - self._origin_s) * 1e6)
 
     def fix(self, measured: MocapPose) -> bool:
-        """Take a measured pose, late or not; return whether the filter used it."""
-        if not all(math.isfinite(value) for value in measured.pose):
-            return False
+        """Take a measured pose, late or not; return whether the filter used it. If not, :attr:`refusal` says why."""
         config = ffi.addressof(self._core.config, "pose_ekf")
+        if self._origin_s is not None:
+            self._predict_until(measured.arrived_s)
+        self.refusal = self._checks.refusal(measured, self.pose if self.located else None)
+        if self.refusal:
+            return False
         if self._origin_s is None:
             pose = ffi.new("omni_pose_t *", tuple(measured.pose))
             sd_xy = measured.sd_xy_m or self.values["EKF_R_XY"]
@@ -190,13 +198,14 @@ class HostController:
             self._predict(measured.taken_s)
             self.last_fix_s = measured.taken_s
             return True
-        self._predict_until(measured.arrived_s)
         fix = ffi.new("omni_pose_fix_t *", {"time_us": max(0, self._time_us(measured.taken_s))})
         fix.pose, fix.sd_xy, fix.sd_theta = tuple(measured.pose), measured.sd_xy_m, measured.sd_theta_rad
         kinematics = ffi.addressof(self._core.config, "kinematics")
         used = bool(lib.omni_pose_ekf_correct(self._core.ekf, config, kinematics, fix) == lib.OMNI_OK)
         if used:
             self.last_fix_s = measured.taken_s
+        else:
+            self.refusal = "it contradicts the estimate, or is too old"
         return used
 
     def _predict_until(self, now_s: float) -> None:
@@ -209,6 +218,7 @@ class HostController:
         for wheel, speed in enumerate(speeds):
             self._core.delta[wheel] = speed * (time_s - self._predicted_s)
         config = self._core.config
+        self._checks.moved(self._distance())
         lib.omni_pose_ekf_predict(
             self._core.ekf,
             ffi.addressof(config, "pose_ekf"),
@@ -217,6 +227,12 @@ class HostController:
             self._time_us(time_s),
         )
         self._predicted_s = time_s
+
+    def _distance(self) -> float:
+        """Return how far [m or rad] ``delta`` moves the robot."""
+        way = self._core.way
+        lib.omni_kinematics_forward(ffi.addressof(self._core.config, "kinematics"), self._core.delta, ffi.NULL, way)
+        return math.hypot(way.vx, way.vy) + abs(float(way.wz))
 
     def _speeds_at(self, time_s: float) -> Sequence[float]:
         """Wheel speeds [rad/s] that lines sent at least the delay before ``time_s`` ask for."""

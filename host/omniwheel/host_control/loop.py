@@ -21,7 +21,7 @@ from omniwheel._core import ffi, lib
 from omniwheel.errors import HostControlStopError, MocapError
 from omniwheel.frames import Pose, Twist
 from omniwheel.host_control.controller import PERIOD_S, Command, HostController
-from omniwheel.host_control.pwm_line import STOP, STOP_LINES, PwmRadio
+from omniwheel.host_control.pwm_line import STOP, PwmRadio
 from omniwheel.mocap.source import MocapSource
 
 SETTLE_S = 1.0
@@ -90,6 +90,7 @@ class HostControlLoop:
         self._plan: Any = None
         self._path_us = 0
         self._good_s = 0.0
+        self._closest_m = self._closest_rad = math.inf
         self._driving = False
 
     def run(self, duration_s: float, progress: Callable[[float, HostControlRun], None] | None = None) -> HostControlRun:
@@ -107,7 +108,7 @@ class HostControlLoop:
                 if progress is not None:
                     progress(clock() - start_s, self.run_data)
         finally:
-            self._stop()
+            self._radio.stop_for_good(lambda: self._pause(PERIOD_S))
         return self.run_data
 
     def _wait_for(self, next_s: float) -> float:
@@ -131,13 +132,18 @@ class HostControlLoop:
     def _step(self, now_s: float) -> None:
         age_s = now_s - self._controller.last_fix_s
         if age_s > self._lost_after_s:
-            what = "no pose has come" if not self._controller.located else "the poses have stopped coming"
-            hint = "are the markers seen, and is the object's name right? `omni mocap record` shows what comes"
-            raise HostControlStopError(f"{what} for {age_s:.1f} s: the robot is stopped", hint=hint)
+            raise self._lost(age_s)
         if not self._controller.located or age_s > self._controller.values["FIX_TIMEOUT"]:
             self._stand()
             return
         self._drive(now_s)
+
+    def _lost(self, age_s: float) -> HostControlStopError:
+        hint = "are the markers seen, and is the object's name right? `omni mocap record` shows what comes"
+        what = "no pose has come" if not self._controller.located else "the poses have stopped coming"
+        if self._controller.refusal:
+            what = f"no pose could be used ({self._controller.refusal})"
+        return HostControlStopError(f"{what} for {age_s:.1f} s: the robot is stopped", hint=hint)
 
     def _stand(self) -> None:
         if self._driving:
@@ -180,13 +186,14 @@ class HostControlLoop:
             raise HostControlStopError(
                 f"the robot is at x = {here.x:.2f} m, y = {here.y:.2f} m: out of range", hint=hint
             )
-        away_m = math.hypot(command.error[0], command.error[1])
-        if self._goal.pose is None and (
-            away_m > values["SAFE_ERR_XY"] or abs(command.error[2]) > values["SAFE_ERR_TH"]
-        ):
-            what = f"{away_m:.2f} m and {abs(command.error[2]):.2f} rad off its path"
+        away_m, turned_rad = math.hypot(command.error[0], command.error[1]), abs(command.error[2])
+        if self._goal.pose is not None:  # it may be far away at first, and only comes closer
+            self._closest_m, self._closest_rad = min(self._closest_m, away_m), min(self._closest_rad, turned_rad)
+            away_m, turned_rad = away_m - self._closest_m, turned_rad - self._closest_rad
+        if away_m > values["SAFE_ERR_XY"] or turned_rad > values["SAFE_ERR_TH"]:
+            where = "off its path" if self._goal.pose is None else "further from its goal than it was"
             hint = "are the motors in the robot file's order, and W*_MOT_DIR right? SAFE_ERR_* are the limits"
-            raise HostControlStopError(f"the robot is {what}", hint=hint)
+            raise HostControlStopError(f"the robot is {away_m:.2f} m and {turned_rad:.2f} rad {where}", hint=hint)
 
     def _finished(self, command: Command) -> bool:
         """A path's end, or a pose held within its tolerance, lasts for a second."""
@@ -198,16 +205,11 @@ class HostControlLoop:
         self._good_s = self._good_s + PERIOD_S if good else 0.0
         return self._good_s >= SETTLE_S
 
-    def _stop(self) -> None:
-        for _ in range(STOP_LINES):
-            self._radio.stop()
-            self._pause(PERIOD_S)
-
     def _pause(self, seconds: float) -> None:
         """Let time pass; the source's, so that a simulation goes on."""
         end_s = self._source.clock() + seconds
         try:
             while (left_s := end_s - self._source.clock()) > 0.0 and not self._source.ended:
                 self._source.read(left_s)
-        except MocapError:
+        except (MocapError, OSError):
             time.sleep(seconds)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from omniwheel.byte_budget import BITS_PER_BYTE, ByteBudget
+from omniwheel.errors import LinkError
 from omniwheel.limits import HOST_CONTROL_FULL_PWM, HOST_CONTROL_MOTORS, RADIO_BAUD
 from omniwheel.link import Link
 
@@ -90,6 +91,23 @@ class PwmRadio:
     def stop(self) -> None:
         """Send the stop line at once, budget or not."""
         self._write(format_line(STOP), self._clock())
+
+    def stop_for_good(self, pause: Callable[[], None]) -> None:
+        """Send the stop line several times with a ``pause`` behind each: the robot keeps the last PWM that it got.
+
+        A write that fails does not end this: the next one may go out. Raises LinkError or OSError if none did.
+        """
+        failure: LinkError | OSError | None = None
+        sent = 0
+        for _ in range(STOP_LINES):
+            try:
+                self.stop()
+                sent += 1
+            except (LinkError, OSError) as error:
+                failure = error
+            pause()
+        if failure is not None and sent == 0:
+            raise failure
 
     def _write(self, line: bytes, now_s: float) -> None:
         self._link.write(line)

@@ -32,6 +32,14 @@ PERIOD_TOLERANCE = 0.25
 """How far the rows' distance may be from the mapping's period, as a share, in the median."""
 MAX_TURN_RAD_S = 20.0
 """A heading that changes faster than this has been restarted."""
+MOST_HEADING_RESTARTS = 3
+MOST_RESTARTED = 0.01
+"""More restarts of the heading than these, and than this share of the rows, are none: it is no heading in this unit."""
+LARGEST_TIME = 1e19
+"""Nanoseconds since 1970, and more."""
+LARGEST = 2.0**53
+"""Beyond it a float64 holds no longer every whole number: no counter shows so much, and nothing else that is measured.
+"""
 MOST_RESTARTS = 3
 """Counters that restart more often are no running counts of 16 or 32 bits, but wrap at some other value."""
 FASTEST_WHEEL_RAD_S = 1000.0
@@ -90,7 +98,7 @@ def read_columns(path: Path, delimiter: str, header: tuple[str, ...] = ()) -> di
     return columns
 
 
-def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping) -> Array:
+def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping, largest: float = LARGEST) -> Array:
     if name not in columns:
         guess = did_you_mean(name, list(columns))
         raise LogError(f"{path} has no column {name!r}{guess}", hint=f"correct {mapping.source}")
@@ -98,6 +106,12 @@ def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping) 
     if not np.all(np.isfinite(values)):
         row = int(np.argmin(np.isfinite(values))) + 2
         raise LogError(f"{path}:{row}: {name} is not finite", hint="drop or repair that row")
+    worst = int(np.argmax(np.abs(values)))
+    if abs(values[worst]) > largest:
+        raise LogError(
+            f"{path}:{worst + 2}: {name} is {values[worst]:g}: no measurement is so large",
+            hint="drop or repair that row",
+        )
     return values
 
 
@@ -115,7 +129,7 @@ def read_truth(path: Path, mapping: Mapping) -> tuple[Truth, int]:
 def _truth_of(
     path: Path, columns: dict[str, Array], wanted: TruthColumns, mapping: Mapping, *, same_clock: bool
 ) -> tuple[Truth, int]:
-    time = unwrapped_clock(_column(path, columns, wanted.time, mapping) * wanted.time_unit)
+    time = unwrapped_clock(_column(path, columns, wanted.time, mapping, LARGEST_TIME) * wanted.time_unit)
     xy = np.stack([_column(path, columns, name, mapping) * wanted.unit for name in (wanted.x, wanted.y)], axis=1)
     theta = np.full(len(time), np.nan)
     if wanted.theta:
@@ -127,9 +141,10 @@ def _truth_of(
 def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportSummary]:
     """Read a CSV log (and its truth) and reject its spikes. Raises LogError that names file, row and column."""
     columns = read_columns(path, mapping.delimiter, mapping.header)
-    time = unwrapped_clock(_column(path, columns, mapping.time, mapping) * mapping.time_unit)
+    time = unwrapped_clock(_column(path, columns, mapping.time, mapping, LARGEST_TIME) * mapping.time_unit)
     keep = _rising(path, time)
     wheels = np.stack([_column(path, columns, name, mapping) for name in mapping.wheels], axis=1)[keep]
+    _require_turning(path, wheels, mapping)
     duty = np.zeros_like(wheels)
     if mapping.duty:
         raw = np.stack([_column(path, columns, name, mapping) for name in mapping.duty], axis=1)[keep]
@@ -146,6 +161,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
     if mapping.heading:
         raw_heading = _column(path, columns, mapping.heading, mapping)[keep]
         heading, restarts = unwrap_heading(raw_heading * mapping.heading_unit * mapping.heading_sign, step)
+        _require_few_restarts(path, restarts, len(raw_heading), mapping)
         driven = np.any(duty != 0.0, axis=1) if mapping.duty else np.ones(len(duty), dtype=bool)
         heading[frozen_rows(raw_heading, time[keep], driven, mapping.period_s)] = np.nan
     counted, counter_restarts = _counts(path, wheels, step, mapping)
@@ -201,6 +217,27 @@ def _require_no_gap(path: Path, time_s: Array, mapping: Mapping) -> None:
         raise LogError(
             f"{path}: nothing was logged from {time_s[row]:.3f} to {time_s[row + 1]:.3f} s",
             hint="cut the file there and import each part",
+        )
+
+
+def _require_turning(path: Path, wheels: Array, mapping: Mapping) -> None:
+    """Raise LogError where a wheel's column never changes though others do: its encoder is not connected."""
+    still = np.ptp(wheels, axis=0) == 0.0
+    if still.any() and not still.all():
+        name = mapping.wheels[int(np.argmax(still))]
+        raise LogError(
+            f"{path}: {name} never changes, the columns of other wheels do",
+            hint=f"check that encoder, and the columns of [wheels] in {mapping.source}",
+        )
+
+
+def _require_few_restarts(path: Path, restarts: Sequence[int], rows: int, mapping: Mapping) -> None:
+    """Raise LogError where the heading jumps so often that nothing is known of it."""
+    if len(restarts) > max(MOST_HEADING_RESTARTS, MOST_RESTARTED * rows):
+        raise LogError(
+            f"{path}: {mapping.heading} jumps {len(restarts)} times by more than a robot can turn, first in row "
+            f"{restarts[0] + 2}",
+            hint=f"correct heading.column or heading.unit in {mapping.source}",
         )
 
 

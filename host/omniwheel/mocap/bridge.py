@@ -12,11 +12,13 @@ import math
 import time
 import warnings
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 from omniwheel.byte_budget import ByteBudget, MeteredLink
 from omniwheel.dialect import Message
-from omniwheel.errors import LinkTimeoutError, SetpointError
+from omniwheel.errors import LinkTimeoutError, OmniError, SetpointError
 from omniwheel.first_contact import ANSWERS_APART_S
 from omniwheel.frames import Pose
 from omniwheel.hub.shared_link import open_shared
@@ -31,6 +33,7 @@ from omniwheel.link import Link
 from omniwheel.mocap.source import MocapPose, MocapSource, newest
 from omniwheel.robot import Robot, connect
 from omniwheel.setpoints import compact_fix_message, pose_fix_message
+from omniwheel.telemetry import Control, decode
 from omniwheel.timesync import TimeSync
 
 MESSAGES: dict[str, Callable[[Pose, int, float, float], Message]] = dict(
@@ -44,6 +47,9 @@ OVERHEAD_BYTES = 64
 """What may go out at once beside a fix: a TIMESYNC request and a command."""
 MOST_LATENCY_S = 0.24
 """The robot corrects what was up to 0.25 s ago."""
+MOST_REASONS = 10
+REFUSED_BY_ROBOT = "pose fix refused"
+"""How the robot begins to say that it does not use a fix."""
 _POLL_S = 0.01
 _ANSWER_S = 0.001
 
@@ -104,7 +110,8 @@ class BridgeCounts:
     """What became of the poses that came.
 
     ``sent``; ``overtaken`` by newer ones while rate or budget made them wait; ``stale`` when their turn came;
-    ``refused``, because the message cannot express them. Latencies are from the cameras to the radio.
+    ``refused``, because the message cannot express them. ``used`` by the robot's filter, of whatever source; None: not
+    known. ``reasons``: why poses were refused, here or by the robot. Latencies are from the cameras to the radio.
     """
 
     received: int = 0
@@ -112,6 +119,8 @@ class BridgeCounts:
     overtaken: int = 0
     stale: int = 0
     refused: int = 0
+    used: int | None = None
+    reasons: tuple[str, ...] = ()
     bytes_sent: int = 0
     duration_s: float = 0.0
     latency_mean_s: float = math.nan
@@ -121,9 +130,14 @@ class BridgeCounts:
     round_trip_s: float = math.nan
     clock_restarts: int = 0
 
-    def as_dict(self) -> dict[str, float]:
+    def as_dict(self) -> dict[str, Any]:
         """Return the numbers by name."""
         return asdict(self)
+
+    @property
+    def in_vain(self) -> bool:
+        """Whether not one pose has reached the robot's filter, as far as is known."""
+        return self.sent == 0 or self.used == 0
 
 
 class Bridge:
@@ -155,12 +169,14 @@ class Bridge:
         self._sync = TimeSync(self.robot.connection)
         self._waiting: MocapPose | None = None
         self._latency_sum_s = 0.0
+        self._used_before = self._fixes_used()
         try:
             self._sync.wait(timeout_s)
         except LinkTimeoutError:
             self.close()
             raise
         self.robot.connection.pump(ANSWERS_APART_S)  # other robots answer, too: a fix would reach them
+        self._mark = self.robot.texts.mark()
         self._start_s = self._next_s = clock()
 
     def __enter__(self) -> Bridge:
@@ -213,8 +229,9 @@ class Bridge:
             make = MESSAGES[self.settings.message]
             sds = (measured.sd_xy_m, measured.sd_theta_rad) if self.settings.tells_sd else (0.0, 0.0)
             message = make(measured.pose, time_us, *sds)
-        except SetpointError:
+        except SetpointError as error:
             self.counts.refused += 1
+            self._add_reason(str(error))
             return
         self.robot.send(message)
         latency_s = now_s - measured.taken_s
@@ -229,9 +246,29 @@ class Bridge:
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.counts
 
+    def _add_reason(self, reason: str) -> None:
+        if reason not in self.counts.reasons:
+            self.counts.reasons = (*self.counts.reasons, reason)[-MOST_REASONS:]
+
+    def _fixes_used(self) -> int | None:
+        with suppress(OmniError):
+            control = decode(Control, self.robot.commands.request_message(Control.message, self.robot.timeout_s))
+            return None if control is None else control.fixes_accepted
+        return None
+
+    def ask_used(self) -> None:
+        """Ask the robot how many fixes it has used since the beginning: :attr:`BridgeCounts.used`."""
+        before, now = self._used_before, self._fixes_used()
+        if before is not None and now is not None:
+            self.counts.used = now - before if now >= before else now  # fewer: its filter has started anew
+
     def report(self) -> BridgeCounts:
         """Return the statistics, brought up to date."""
         s, best = self.counts, self._sync.best
+        for text in self.robot.texts.since(self._mark):
+            if text.text.startswith(REFUSED_BY_ROBOT):
+                self._add_reason(text.text)
+        self._mark = self.robot.texts.mark()
         s.bytes_sent = self._link.bytes_written
         s.duration_s = self._clock() - self._start_s
         s.latency_mean_s = self._latency_sum_s / s.sent if s.sent else math.nan

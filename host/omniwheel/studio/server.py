@@ -27,6 +27,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect, WebSocketState
 from omniwheel import parameter_file
 from omniwheel.default_system import LAST_SYSTEM
 from omniwheel.errors import OmniError
+from omniwheel.other_hardware import WHEELS, require_same_hardware
 from omniwheel.parameters import without_system
 from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
@@ -364,6 +365,9 @@ class StudioServer:
         if robot is None:
             raise BadRequestError("no robot is connected")
         values = without_system(parameter_file.parse(str(request.get("text", "")), "the file", robot.table))
+        known = robot.parameters.known
+        changes = {name: (known[name], value) for name, value in values.items() if known.get(name, value) != value}
+        require_same_hardware(changes, known[WHEELS], robot.table)
         return await asyncio.wrap_future(self.studio.ask(page, "set", {"values": values_as_json(values)}))
 
     async def _change(self, page: Page, change: Callable[[], None]) -> None:

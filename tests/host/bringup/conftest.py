@@ -16,8 +16,10 @@ from hil_sim.faults import Fault
 from hil_sim.lockstep import LockstepLink
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel.dialect import mavlink
 from omniwheel.link import FileLink, open_link
 from omniwheel.robots import read_robot
+from tests.waiting import wait_until
 
 STAND = 1e-6
 FLOOR = 0.6
@@ -88,6 +90,26 @@ def frames_of(data: bytes) -> list[bytes]:
     return found
 
 
+class Stranger:
+    """Another ground station, on the robot's second link."""
+
+    def __init__(self, link: FileLink, world: LockstepLink) -> None:
+        self._link = link
+        self._world = world
+        self._codec: Any = mavlink.MAVLink(None, 254, 190)
+        self._codec.robust_parsing = True
+
+    def stop(self) -> None:
+        """Press the emergency stop; return once the robot has taken it."""
+        message = mavlink.MAVLink_command_long_message(1, 1, mavlink.MAV_CMD_OMNI_ESTOP, 0, 1.0, *[0.0] * 6)
+        self._link.write(bytes(message.pack(self._codec)))
+        wait_until(self._is_answered, "the robot answers no stop", pause=lambda: self._world.run(1))
+
+    def _is_answered(self) -> bool:
+        messages = self._codec.parse_buffer(self._link.read(0.0)) or ()
+        return any(message.get_type() == "COMMAND_ACK" for message in messages)
+
+
 class Bench:
     """A robot, the world it is in, and somebody who turns wheels, agrees to everything and says what really moved.
 
@@ -108,6 +130,7 @@ class Bench:
         self.push_m = 1.0
         self.push_rad = 0.0
         self.aside_rad = math.pi / 2.0
+        self.stranger: Stranger | None = None
         self._moved = np.zeros(world.wheels)
 
     def tell(self, text: str) -> None:
@@ -206,6 +229,7 @@ def make_bench() -> Iterator[MakeBench]:
             faults: Sequence[Fault] = (),
             change: Callable[[Any], None] = lambda config: None,
             parameters: dict[str, float] | None = None,
+            stranger: bool = False,
         ) -> Bench:
             file = read_robot(robot)
             config = world_config(
@@ -215,11 +239,17 @@ def make_bench() -> Iterator[MakeBench]:
                 friction_coefficient=FLOOR if on_floor else STAND,
             )
             change(config)
-            firmware = stack.enter_context(FirmwareProcess(robot, lockstep=True, parameters=parameters or {}))
+            links = ["tcp:127.0.0.1:0"] * (2 if stranger else 1)
+            firmware = stack.enter_context(
+                FirmwareProcess(robot, lockstep=True, parameters=parameters or {}, links=links)
+            )
             world = World(config)
             link = SteppedLink(open_link(firmware.urls[0]), world)
             connected = stack.enter_context(connect(link, clock=link.clock_s))
-            return Bench(connected, world, link)
+            bench = Bench(connected, world, link)
+            if stranger:
+                bench.stranger = Stranger(open_link(firmware.urls[1]), link)
+            return bench
 
         yield make
 

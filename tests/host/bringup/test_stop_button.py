@@ -46,7 +46,7 @@ def test_an_open_contact_is_noticed_before_anything_moves(make_bench: MakeBench)
     bench.robot.pump(0.1)
     result = check_stop_button(bench.robot, bench)
     assert list(failures(result)) == ["at rest"]
-    assert "still open" in result.findings[0].seen
+    assert bench.robot.status.state == "estop"
     assert not bench.armed
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -172,9 +173,48 @@ def test_a_pose_that_is_no_number_stops_the_robot_like_none() -> None:
         return MocapPose(Pose(math.nan, 0.0, 0.0), measured.taken_s, measured.arrived_s, measured.frame)
 
     setup.robot.read = broken  # type: ignore[method-assign]
-    with pytest.raises(HostControlStopError, match="stopped coming"):
+    with pytest.raises(HostControlStopError):
         setup.run(10.0)
     assert setup.stopped()
+
+
+@pytest.mark.parametrize("goal", [Goal(Pose(0.0, 0.0, 0.0)), Goal(Pose(1.5, 0.0, 0.0)), Goal()])
+@pytest.mark.parametrize("zeros", [False, True], ids=["frozen", "zeros"])
+def test_a_lost_tracker_that_goes_on_sending_stops_the_robot(goal: Goal, zeros: bool) -> None:
+    """It repeats its last pose, or sends zeros, with new times and frame numbers."""
+    setup = Setup(goal, Pose(1.2, -0.8, 1.0), changes=CIRCLE if goal.pose is None else None)
+    read = setup.robot.read
+    lost: list[MocapPose] = []
+
+    def stuck(timeout_s: float) -> MocapPose | None:
+        measured = read(timeout_s)
+        if measured is None or setup.robot.clock() < 1.0:
+            return measured
+        lost.append(measured)
+        return replace(measured, pose=ORIGIN if zeros else lost[0].pose)
+
+    setup.robot.read = stuck  # type: ignore[method-assign]
+    with pytest.raises(HostControlStopError):
+        setup.run(20.0)
+    assert setup.stopped()
+    at = lost[0].pose
+    assert math.dist(setup.robot.world.truth[:2], (at.x, at.y)) < 0.3
+
+
+def test_a_robot_that_drives_away_from_its_pose_is_stopped() -> None:
+    """All motors the wrong way round: each pose is a good measurement."""
+    changes = {"SAFE_ERR_XY": 0.1}
+    setup = Setup(Goal(ORIGIN), Pose(0.5, 0.0, 0.0), changes=changes)
+    write = setup.robot.write
+
+    def turned(data: bytes) -> None:
+        write(b",".join(str(-int(word)).encode() for word in data.removesuffix(b"*").split(b",")) + b"*")
+
+    setup.robot.write = turned  # type: ignore[method-assign]
+    with pytest.raises(HostControlStopError):
+        setup.run(20.0)
+    assert setup.stopped()
+    assert math.dist(setup.robot.world.truth[:2], (0.5, 0.0)) < 0.4
 
 
 def test_a_robot_out_of_range_is_stopped() -> None:
@@ -208,6 +248,25 @@ def test_a_radio_that_is_unplugged_ends_the_run() -> None:
     setup.robot.write = unplugged  # type: ignore[method-assign]
     with pytest.raises(LinkLostError):
         setup.run(5.0)
+
+
+def test_one_write_that_fails_does_not_end_the_stopping() -> None:
+    """The radio is back at once: the robot would keep its last PWM."""
+    setup = Setup(Goal(ORIGIN), Pose(1.0, 0.0, 0.0))
+    write = setup.robot.write
+    failures: list[float] = []
+
+    def flaky(data: bytes) -> None:
+        if setup.robot.clock() > 2.0 and len(failures) < 2:
+            failures.append(setup.robot.clock())
+            raise LinkLostError("lost the serial port")
+        write(data)
+
+    setup.robot.write = flaky  # type: ignore[method-assign]
+    with pytest.raises(LinkLostError):
+        setup.run(5.0)
+    assert len(failures) == 2
+    assert setup.stopped()
 
 
 def test_a_late_step_is_counted_and_not_caught_up_with() -> None:

@@ -161,7 +161,7 @@ def test_the_commands_say_restart_and_rows(tmp_path: Path) -> None:
     said = CliRunner().invoke(app, words)
     assert said.exit_code == 0, said.output
     assert "restarted at 10.00 s" in said.stdout
-    assert json.loads(CliRunner().invoke(app, [*words, "--json"]).stdout)["counter_restarts_s"] == [10.0]
+    assert json.loads(CliRunner().invoke(app, [*words, "--force", "--json"]).stdout)["counter_restarts_s"] == [10.0]
 
 
 def test_a_small_share_is_said_in_rows() -> None:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -245,3 +246,37 @@ def test_a_log_of_which_most_is_rejected_is_refused(tmp_path: Path, files: Path)
     (tmp_path / "mapping.toml").write_text(text, encoding="utf-8")
     with pytest.raises(LogError, match=r"% of the counts in w[123] are rejected"):
         import_log(files / "run1.csv", read_mapping(tmp_path / "mapping.toml"))
+
+
+def with_column(files: Path, tmp_path: Path, name: str, cell: Callable[[int, str], str]) -> Path:
+    """Return a log one of whose columns is another one; ``cell`` gets the row from 0 and what stands there."""
+    lines = rows(files / "run1.csv")
+    column = lines[0].split(",").index(name)
+    for row in range(1, len(lines)):
+        cells = lines[row].split(",")
+        cells[column] = cell(row - 1, cells[column])
+        lines[row] = ",".join(cells)
+    return changed(tmp_path, lines)
+
+
+@pytest.mark.parametrize("value", ["1e20", "-1e20", "1e308"])
+@pytest.mark.parametrize("column", ["w2", "alpha"])
+@pytest.mark.filterwarnings("error")
+def test_one_cell_that_no_sensor_shows_is_refused(
+    tmp_path: Path, files: Path, mapping: Mapping, column: str, value: str
+) -> None:
+    path = with_column(files, tmp_path, column, lambda row, cell: value if row == 500 else cell)
+    with pytest.raises(LogError, match=rf"502: {column}"):
+        import_log(path, mapping)
+
+
+def test_a_heading_that_jumps_in_every_row_is_none(tmp_path: Path, files: Path, mapping: Mapping) -> None:
+    path = with_column(files, tmp_path, "alpha", lambda row, _: f"{1.0 * row:.6f}")
+    with pytest.raises(LogError, match="alpha"):
+        import_log(path, mapping)
+
+
+def test_a_wheel_that_never_changes_while_others_do_is_refused(tmp_path: Path, files: Path, mapping: Mapping) -> None:
+    path = with_column(files, tmp_path, "w2", lambda *_: "0.0")
+    with pytest.raises(LogError, match="w2"):
+        import_log(path, mapping)

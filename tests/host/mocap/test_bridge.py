@@ -22,7 +22,7 @@ from omniwheel.errors import LinkTimeoutError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.link import open_link
 from omniwheel.mocap import Bridge, BridgeSettings, MocapPose
-from omniwheel.mocap.bridge import FRAME_BYTES, FRAME_BYTES_SD, MESSAGES, OVERHEAD_BYTES
+from omniwheel.mocap.bridge import FRAME_BYTES, FRAME_BYTES_SD, MESSAGES, OVERHEAD_BYTES, BridgeCounts
 from omniwheel.mocap.simulated import Cameras, SimulatedSource
 from omniwheel.telemetry import Tracking
 from tests.host.mocap.natnet_server import Body, Server
@@ -295,6 +295,51 @@ def test_old_and_unrepresentable_poses_are_counted_and_not_sent(lab: Callable[..
         statistics = bridge.report()
     assert (statistics.received, statistics.stale, statistics.refused, statistics.sent) == (2, 1, 1, 0)
     assert here.fixes("compact") == []
+
+
+def sent_in_vain(here: Lab, pose: Pose) -> BridgeCounts:
+    """Send one pose again and again to a robot that believes to be elsewhere."""
+    source = Queue(here)
+    with Bridge(source, here, clock=here.clock) as bridge:
+        bridge.robot.set_pose_estimate(1.0, 1.0, 0.0)
+        for _ in range(5):
+            source.put(pose, here.clock())
+            bridge.step(0.0)
+            here.sleep(0.2)
+        bridge.ask_used()
+        return bridge.report()
+
+
+def test_what_the_robot_refuses_is_told_with_its_reason(lab: Callable[..., Lab]) -> None:
+    statistics = sent_in_vain(lab(), Pose(0.0, 0.0, 0.0))
+    assert statistics.sent > 3
+    assert statistics.used == 0
+    assert statistics.in_vain
+    assert len(statistics.reasons) == 1  # however often the robot says it
+
+
+def test_what_no_message_can_express_is_told_with_its_reason(lab: Callable[..., Lab]) -> None:
+    statistics = sent_in_vain(lab(), Pose(500.0, 0.0, 0.0))
+    assert statistics.refused > 3
+    assert statistics.in_vain
+    assert len(statistics.reasons) == 1
+
+
+def test_poses_that_are_used_are_counted(lab: Callable[..., Lab]) -> None:
+    statistics = sent_in_vain(lab(), Pose(1.001, 1.0, 0.0))
+    assert statistics.used == statistics.sent > 3
+    assert not statistics.in_vain
+    assert not statistics.reasons
+
+
+def test_the_command_fails_if_not_one_pose_was_used(tmp_path: Any) -> None:
+    recording = tmp_path / "far.csv"
+    lines = [f"{0.05 * i:.2f},{0.05 * i:.2f},{i},500.0,0.0,0.0" for i in range(5)]
+    recording.write_text("\n".join(["taken_s,arrived_s,frame,x_m,y_m,theta_rad", *lines]) + "\n")
+    with FirmwareProcess() as process:
+        words = ("--source", f"recorded:{recording}", "--link", process.urls[0])
+        statistics = json.loads(run("mocap", "bridge", *words, "--json", code=1).stdout)
+    assert statistics["reasons"]
 
 
 class Queue:
