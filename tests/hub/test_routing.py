@@ -211,3 +211,33 @@ def test_a_stop_reaches_the_robot_though_a_program_uses_its_system_id() -> None:
     bench.run()
     assert [message.get_type() for _, message in bench.sent] == ["COMMAND_LONG"]
     assert len(other.got("COMMAND_LONG")) == 1
+
+
+@pytest.mark.parametrize("name", [*sorted(ONE_EACH.keys() - {"rate"}), "parameter to set"])
+@pytest.mark.parametrize("system", [1, 2], ids=["the robot that is followed", "another robot"])
+def test_what_is_for_a_robot_reaches_it_though_a_program_uses_its_system_id(system: int, name: str) -> None:
+    """As a companion computer or MAVROS does. Both get it."""
+    bench = Bench()
+    station, companion = bench.join("first"), bench.join("companion", system=system)
+    for number in (1, 2):
+        bench.robot_system(number)
+        bench.robot_is(armed=False)
+    companion.send(beat())
+    bench.run()
+    bench.sent.clear()
+    companion.inbox.clear()
+    wanted = ONE_EACH.get(name, lambda: mavlink.MAVLink_param_set_message(1, 1, b"WS_P", 4.0, 9))()
+    station.send(to_system(system, wanted))
+    bench.run()
+    targets = [getattr(message, "target_system", getattr(message, "target", None)) for _, message in bench.sent]
+    assert targets == [system]
+    assert len(companion.got(wanted.get_type())) == 1
+
+
+def test_a_program_reaches_its_robot_under_their_common_system_id_before_the_robot_is_heard() -> None:
+    bench = Bench()
+    bench.robot_is(armed=False)
+    companion = bench.join("companion", system=2)
+    companion.send(to_system(2, command(ARM, 1.0)))
+    bench.run()
+    assert len(bench.commands(ARM)) == 1

@@ -90,6 +90,8 @@ class Hub:
         self._port: Any = self._new_parser()
         self._own = OwnMessages()
         self._robot = FollowedRobot(settings.system_id)
+        self._line_systems: set[int] = set()
+        """System ids that have been heard from the port."""
         self._boot_ms = 0
         self._sequence = 0
         self._beaten_s: dict[tuple[int, int], float] = {}
@@ -206,7 +208,7 @@ class Hub:
             self._introduce(client, str(message.text))
             return
         for_robot = self._route(client, message)
-        if not for_robot and kind is not Kind.STOP:  # a program may use the robot's own system id
+        if not for_robot and kind is not Kind.STOP:  # the robot may be on the line, and not be heard yet
             return
         if kind in _ASKED_OF_ONE and target_of(message).system not in (0, self._robot.source[0]):
             kind = Kind.OTHER  # what is known of one robot's parameters and rates says nothing of another's
@@ -241,13 +243,15 @@ class Hub:
             self._handed_over = client.number  # it may be driving: the robot's next heartbeat tells
 
     def _route(self, origin: Client, message: Message) -> bool:
-        """Hand a message to other clients as MAVLink routes it; return whether it is for the robot, too."""
+        """Hand a message to other clients as MAVLink routes it; return whether it is for the robot, too.
+
+        A client may have the system id of a robot: a companion computer has. Both get what is for it then.
+        """
         system = target_of(message).system
-        for other in self.clients.values():
-            if other is not origin and (system == 0 or system in other.systems):
-                other.out += wire.unsigned(message)
-        known = set().union(*(client.systems for client in self.clients.values()))
-        return system in (0, self._robot.source[0]) or system not in known
+        others = [client for client in self.clients.values() if client is not origin and system in (0, *client.systems)]
+        for other in others:
+            other.out += wire.unsigned(message)
+        return not others or system in (0, self._robot.source[0], *self._line_systems)
 
     def _stop(self, client: Client, message: Message) -> None:
         now_s = self._clock()
@@ -348,6 +352,7 @@ class Hub:
 
     def _watch(self, message: Message) -> None:
         source = source_of(message)
+        self._line_systems.add(source[0])
         if is_autopilot(message):
             self._watch_heartbeat(source, bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED))
         if source != self._robot.source:
