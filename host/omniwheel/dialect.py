@@ -75,6 +75,17 @@ def take_bytes(parser: Any, data: bytes) -> list[Message]:
     return messages
 
 
+def decoded(frame: bytes) -> Message | None:
+    """Return the message of one whole frame; None if it is none of the dialect. Its signature is not checked."""
+    if not frame:
+        return None
+    try:
+        message: Message = mavlink.MAVLink(None).decode(bytearray(frame))
+    except mavlink.MAVError:
+        return None
+    return message
+
+
 def is_autopilot(message: Message) -> bool:
     """Return whether a message is the heartbeat of an autopilot: of a robot, not of a station or another component."""
     if message.get_type() != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
@@ -92,6 +103,18 @@ def tells_time(message: Message) -> bool:
 def is_addressed(message: Message) -> bool:
     """Return whether a message says whom it is for, or is one that does no harm to a robot that it is not meant for."""
     return "target_system" in message.fieldnames or message.get_type() in ("HEARTBEAT", "TIMESYNC")
+
+
+def is_command(message: Message) -> bool:
+    """Return whether the message is a command, which the robot acknowledges."""
+    return message.get_type() in ("COMMAND_LONG", "COMMAND_INT")
+
+
+def target_system(message: Message) -> int:
+    """Return the system id that a message is for; 0: every one."""
+    if message.get_type() == "MANUAL_CONTROL":
+        return int(message.target)
+    return int(getattr(message, "target_system", 0))
 
 
 def enum_name(enum: str, value: int, prefix: str = "") -> str:

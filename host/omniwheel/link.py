@@ -4,8 +4,8 @@
 ========================  ====================================================================
 ``/dev/ttyACM0[,baud]``   serial port (``COM3[,baud]`` on Windows); 57600 baud unless given, which USB ignores
 ``tcp:HOST:PORT``         connect to a TCP server
-``udp:HOST:PORT``         wait for datagrams on this address and answer their sender (also ``udpin:``)
-``udpout:HOST:PORT``      send datagrams to this address
+``udp:HOST:PORT``         wait for datagrams on this address and answer all their senders (also ``udpin:``)
+``udpout:HOST:PORT``      send datagrams to this address, and hear only those that it sends
 ========================  ====================================================================
 
 mavutil's own connections are not used because they print to standard output and sleep while they reconnect.
@@ -169,18 +169,24 @@ class TcpLink(StreamLink):
 
 
 class UdpLink:
-    """UDP, as the side that waits (``udpin``) or the side that speaks first (``udpout``)."""
+    """UDP, as the side that waits (``udpin``) or the side that speaks first (``udpout``).
+
+    The side that waits hears everybody and answers all of them (:mod:`omniwheel.udp_peers`). The side that speaks first
+    hears only the address that it speaks to.
+    """
 
     def __init__(self, url: str, address: LinkAddress) -> None:
+        from omniwheel.udp_peers import UdpPeers  # with the dialect, which takes longer to import than a port to open
+
         self.url = url
-        self._peer: Any = None
+        self._peers = UdpPeers() if address.kind == "udpin" else None
         try:
             family, _, _, _, where = socket.getaddrinfo(address.place, address.number, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, socket.SOCK_DGRAM)
-            if address.kind == "udpin":
+            if self._peers is not None:
                 self._socket.bind(where)
             else:
-                self._peer = where
+                self._socket.connect(where)
         except OSError as error:
             hint = "udp: and udpin: need an address of this computer; udpout: sends to another one"
             raise _open_error(url, error, hint) from error
@@ -199,19 +205,29 @@ class UdpLink:
             if error.errno == errno.ECONNREFUSED:
                 return b""
             raise LinkLostError(f"lost {self.url}: {error.strerror}") from error
-        self._peer = peer
+        if self._peers is not None:
+            self._peers.hear(peer, data)
         return data
 
     def write(self, data: bytes) -> None:
-        """Send a datagram; dropped while the other side is not known yet."""
-        if self._peer is None:
-            return
+        """Send a frame as a datagram; dropped while no other side is known. Raises LinkLostError if none gets it."""
+        receivers = [None] if self._peers is None else self._peers.receivers(data)
+        errors = [error for receiver in receivers if (error := self._send(data, receiver)) is not None]
+        if errors and len(errors) == len(receivers):
+            raise LinkLostError(f"lost {self.url}: {errors[0].strerror}") from errors[0]
+
+    def _send(self, data: bytes, receiver: Any) -> OSError | None:
+        """Send a datagram, ``receiver`` None: to the only address. Return why it failed, if it did."""
         try:
-            self._socket.sendto(data, self._peer)
+            if receiver is None:
+                self._socket.send(data)
+            else:
+                self._socket.sendto(data, receiver)
         except ConnectionRefusedError:
-            return
+            pass
         except OSError as error:
-            raise LinkLostError(f"lost {self.url}: {error.strerror}") from error
+            return error
+        return None
 
     def close(self) -> None:
         """Close the socket."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.byte_budget import ByteBudget
-from omniwheel.dialect import TRIAL_ASK, Message, is_autopilot, mavlink, take_bytes
+from omniwheel.dialect import TRIAL_ASK, Message, is_autopilot, is_command, mavlink, take_bytes
 from omniwheel.hub import notices, wire
 from omniwheel.hub.client import Client
 from omniwheel.hub.followed import FollowedRobot
@@ -26,13 +26,10 @@ from omniwheel.hub.rules import (
     HELLO,
     NOBODY,
     Kind,
-    Stop,
-    is_command,
     is_disarm,
     kind_of,
     receipt_of,
     source_of,
-    stop_of,
     target_of,
     wish_of,
 )
@@ -40,6 +37,7 @@ from omniwheel.hub.streams import Streams
 from omniwheel.hub.trials import TIMEOUT, Trials
 from omniwheel.hub.waiting_path import WaitingPath
 from omniwheel.signing import Signer
+from omniwheel.stops import Stop, stop_of
 
 NAME_CHARACTERS = 25
 """Of a client's name in a status text."""

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 
 from omniwheel.byte_budget import ByteBudget
 from omniwheel.dialect import Message
-from omniwheel.hub.rules import Kind, Stop, may_be_same, stop_of, target_of
+from omniwheel.hub.rules import Kind, may_be_same, target_of
+from omniwheel.stops import Stop, stop_of
 
 STALE_S = 0.25
 """A set-point or pose fix that has waited for so long is not sent any more."""

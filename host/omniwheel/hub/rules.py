@@ -6,9 +6,10 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
+from enum import Enum, auto
 
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message, is_command, mavlink, target_system
+from omniwheel.stops import stop_of
 
 NOBODY = -1
 """The hub itself, where a client's number is asked for."""
@@ -18,7 +19,6 @@ HANDED_OVER = "this was "
 """... and one that had the port itself until now."""
 _SETPOINTS = ("SET_POSITION_TARGET_LOCAL_NED", "MANUAL_CONTROL", "OMNI_SETPOINT_DUTY")
 _FIXES = ("VICON_POSITION_ESTIMATE", "ATT_POS_MOCAP", "OMNI_POSE_FIX")
-_COMMANDS = ("COMMAND_LONG", "COMMAND_INT")
 _NEEDED = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
@@ -70,10 +70,6 @@ _MOVES = {
     mavlink.MAV_CMD_OMNI_OE_TEST,
     mavlink.MAV_CMD_OMNI_EXCITE,
 }
-_PX4_LOITER = (4, 3)
-"""Main mode and sub mode."""
-_PACKED = 2.0**16
-"""From here on a number holds both modes."""
 _OTHER_KINDS = {
     **dict.fromkeys(_SETPOINTS, Kind.SETPOINT),
     **dict.fromkeys(_FIXES, Kind.FIX),
@@ -86,57 +82,10 @@ _OTHER_KINDS = {
 }
 
 
-def is_command(message: Message) -> bool:
-    """Return whether the message is a command, which the robot acknowledges."""
-    return message.get_type() in _COMMANDS
-
-
 def is_disarm(message: Message) -> bool:
     """Return whether the message disarms."""
     arming = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
     return is_command(message) and bool(message.command == arming and message.param1 == 0.0)
-
-
-class Stop(IntEnum):
-    """Kinds of stops, the most urgent first."""
-
-    ESTOP = auto()
-    DISARM = auto()
-    HOLD = auto()
-    """The robot stays armed, or leaves a loop or an excitation."""
-
-
-def _asks_to_hold(custom_mode: float, sub_mode: float) -> bool:
-    """As the firmware reads a mode (firmware/app/link/flight_mode.h): the whole number, or main mode and sub mode."""
-    if custom_mode == 0.0:
-        return True
-    if _PACKED <= custom_mode < 2.0**32:
-        return (int(custom_mode) >> 16 & 0xFF, int(custom_mode) >> 24) == _PX4_LOITER
-    return (custom_mode, sub_mode) == _PX4_LOITER
-
-
-def _stop_of(command: int, param1: float) -> Stop | None:
-    """As in firmware/app/link/stops.cpp; holding the pose and leaving host-in-the-loop are stops here, too."""
-    if command == mavlink.MAV_CMD_OMNI_ESTOP:
-        return Stop.ESTOP if param1 != 0.0 else None
-    if command == mavlink.MAV_CMD_DO_FLIGHTTERMINATION:
-        return Stop.ESTOP if param1 > 0.5 else None
-    if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
-        return Stop.DISARM if param1 == 0.0 else None
-    if command in (mavlink.MAV_CMD_OMNI_HIL, mavlink.MAV_CMD_OMNI_EXCITE):
-        return Stop.HOLD if param1 == 0.0 else None
-    return Stop.HOLD if command == mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP else None
-
-
-def stop_of(message: Message) -> Stop | None:
-    """Return which stop a message is; None: none."""
-    if message.get_type() == "SET_MODE":
-        return Stop.HOLD if _asks_to_hold(message.custom_mode, 0.0) else None
-    if not is_command(message):
-        return None
-    if message.command == mavlink.MAV_CMD_DO_SET_MODE:
-        return Stop.HOLD if _asks_to_hold(message.param2, message.param3) else None
-    return _stop_of(message.command, message.param1)
 
 
 def kind_of(message: Message) -> Kind:
@@ -185,9 +134,7 @@ class Target:
 
 def target_of(message: Message) -> Target:
     """Return whom a message is for."""
-    if message.get_type() == "MANUAL_CONTROL":
-        return Target(int(message.target), 0)
-    return Target(int(getattr(message, "target_system", 0)), int(getattr(message, "target_component", 0)))
+    return Target(target_system(message), int(getattr(message, "target_component", 0)))
 
 
 def source_of(message: Message) -> tuple[int, int]:
