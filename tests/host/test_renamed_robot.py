@@ -20,7 +20,7 @@ from tests.host.shared_line import shared_line
 from tests.host.two_robots import FIRST, SECOND, TwoRobots
 
 GIVEN = {"SYS_ID": 2.0, "MOT_R": 2.75}
-STORAGE, REBOOT = mavlink.MAV_CMD_PREFLIGHT_STORAGE, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+REBOOT = mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
 
 
 @pytest.fixture
@@ -126,12 +126,15 @@ def test_the_number_of_another_robot_on_the_line_is_refused_before_anything_is_s
 ROBOT, NEW, OTHER = (1, 1), (2, 1), (3, 1)
 
 
-@pytest.mark.parametrize("command", [STORAGE, REBOOT])
-def test_a_hub_follows_a_robot_whose_values_were_replaced(command: int) -> None:
+def request(command: int) -> Any:
+    return mavlink.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7)
+
+
+def test_a_hub_does_not_take_another_robot_for_one_that_restarts() -> None:
     followed = FollowedRobot()
     assert followed.accept_heartbeat(ROBOT, 0.0)
     assert not followed.accept_heartbeat(OTHER, 0.5)
-    followed.watch_request(mavlink.MAVLink_command_long_message(1, 1, command, 0, *[0.0] * 7), 1.0)
+    followed.watch_request(request(REBOOT), 1.0)
     assert not followed.accept_heartbeat(NEW, 1.1), "the robot may still be heard under its old number"
     assert not followed.accept_heartbeat(OTHER, 3.0), "another robot was there before"
 
@@ -139,12 +142,16 @@ def test_a_hub_follows_a_robot_whose_values_were_replaced(command: int) -> None:
 def test_a_hub_takes_a_new_number_once_the_old_one_is_silent() -> None:
     followed = FollowedRobot()
     assert followed.accept_heartbeat(ROBOT, 0.0)
-    followed.watch_request(mavlink.MAVLink_command_long_message(1, 1, STORAGE, 0, *[0.0] * 7), 0.5)
+    followed.watch_request(request(REBOOT), 0.5)
     assert followed.accept_heartbeat(NEW, 2.0)
     assert followed.source == NEW
 
 
-def test_a_hub_follows_nobody_without_a_reason() -> None:
+@pytest.mark.parametrize("command", [None, mavlink.MAV_CMD_PREFLIGHT_STORAGE])
+def test_a_hub_follows_nobody_without_a_reason(command: int | None) -> None:
+    """A robot keeps its number when its values are replaced."""
     followed = FollowedRobot()
     assert followed.accept_heartbeat(ROBOT, 0.0)
+    if command is not None:
+        followed.watch_request(request(command), 0.5)
     assert not followed.accept_heartbeat(NEW, 5.0)

@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 from omniwheel.default_system import RENAMED_AFTER_S
-from omniwheel.dialect import Message, mavlink
+from omniwheel.dialect import Message, is_command, mavlink
 
 SILENCE_S = 10.0
 """A robot that is silent for so long may be another one from then on."""
-_MAY_RENAME = (mavlink.MAV_CMD_PREFLIGHT_STORAGE, mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN)
 
 
 class FollowedRobot:
@@ -23,8 +22,8 @@ class FollowedRobot:
         self._heard_s = float("-inf")
         self._others: set[int] = set()
         """System ids of other robots."""
-        self._reset_s = float("-inf")
-        """When a client last had all parameters replaced, or the robot restarted: SYS_ID may have another value."""
+        self._restart_s = float("-inf")
+        """When a client last had the robot restarted: its stored SYS_ID may be another one."""
         self._requested_s: dict[int, float] = {}
         """When a client asked for a system id that the robot has neither refused nor used yet."""
 
@@ -33,9 +32,9 @@ class FollowedRobot:
         self._heard_s = float("-inf")
 
     def watch_request(self, message: Message, now_s: float) -> None:
-        """Remember a client's request for another SYS_ID, or for what may bring one."""
-        if message.get_type() in ("COMMAND_LONG", "COMMAND_INT") and message.command in _MAY_RENAME:
-            self._reset_s = now_s
+        """Remember a client's request for another SYS_ID, or for a restart, which may bring one."""
+        if is_command(message) and message.command == mavlink.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN:
+            self._restart_s = now_s
         if message.get_type() == "PARAM_SET" and message.param_id == "SYS_ID" and 1.0 <= message.param_value <= 254.0:
             self._requested_s[int(message.param_value)] = now_s
 
@@ -63,4 +62,4 @@ class FollowedRobot:
         if now_s - self._requested_s.get(source[0], float("-inf")) < SILENCE_S:
             return True
         silent = now_s - self._heard_s > RENAMED_AFTER_S
-        return silent and now_s - self._reset_s < SILENCE_S and source[0] not in self._others
+        return silent and now_s - self._restart_s < SILENCE_S and source[0] not in self._others
