@@ -20,6 +20,7 @@ from collections.abc import Callable
 from omniwheel.connection import Connection
 from omniwheel.dialect import Message, enum_name, mavlink
 from omniwheel.errors import ArmingRefusedError, CommandRefusedError, LinkTimeoutError, SetpointError
+from omniwheel.hub import notices
 from omniwheel.texts import STOPPED_BY, TextLog
 
 ACK_TIMEOUT_S = 1.0
@@ -31,7 +32,7 @@ ARMING_TIMEOUT_S = 5.0
 BUSY_PERIOD_S = 0.05
 USED_PARAMS = 4
 CANCELLED = "CANCELLED"
-"""Result of a command that is not repeated any more, because another station has stopped the robot meanwhile."""
+"""Result of a command that is not repeated any more, because another station or program has stopped the robot."""
 _LAST_NUMBER = 65535
 _LAST_CONFIRMATION = 255
 _RECEIPTS_KEPT = 64
@@ -69,10 +70,10 @@ class Commander:
         """Send a COMMAND_LONG and wait for its COMMAND_ACK.
 
         ``params`` are up to four, ``last`` the sixth and seventh. ``what`` describes it in errors ("to arm"). A command
-        that begins a motion is not repeated once the robot has said that another station stopped it. With
-        ``after_own_stop`` the first copy, too, counts as a repetition: the robot refuses it if the latest stop within
-        15 s came from another sender. Raises CommandRefusedError (ArmingRefusedError for arming), LinkTimeoutError, or
-        SetpointError for a number that fits no float32.
+        that begins a motion is not repeated once the robot has said that another station stopped it, or the hub that
+        another program did. With ``after_own_stop`` the first copy, too, counts as a repetition: the robot refuses it
+        if the latest stop within 15 s came from another sender. Raises CommandRefusedError (ArmingRefusedError for
+        arming), LinkTimeoutError, or SetpointError for a number that fits no float32.
         """
         mark = self._texts.mark()
         numbered, receipt = self._numbered(params, last, what)
@@ -142,7 +143,8 @@ class Commander:
         self._connection.wait(lambda _: len(answers) > known, ACK_TIMEOUT_S)
 
     def _is_stopped(self, mark: int) -> bool:
-        return any(text.text.startswith(STOPPED_BY) for text in self._texts.since(mark))
+        texts = [text.text for text in self._texts.since(mark)]
+        return any(text.startswith(STOPPED_BY) or notices.is_stop(text) for text in texts)
 
     def _numbered(self, params: tuple[float, ...], last: tuple[float, float], what: str) -> tuple[list[float], int]:
         """Return all seven parameters with the next number in the fifth, and the receipt that answers them."""

@@ -140,21 +140,24 @@ def test_two_programs_that_follow_each_other_use_other_numbers(fake: Any) -> Non
 
 
 @pytest.mark.parametrize("result", [None, BUSY], ids=["no answer", "rejected for now"])
-def test_arming_is_given_up_when_another_station_stops_the_robot(fake: Any, robot: Robot, result: int | None) -> None:
+@pytest.mark.parametrize("said", ["stopped by station 254/190 on link 1", "hub: stopped by omni stop (7)"])
+def test_arming_is_given_up_when_another_station_or_program_stops_the_robot(
+    fake: Any, robot: Robot, said: str, result: int | None
+) -> None:
     answer = fake._answer
 
     def stopped(message: Any) -> None:
         if message.get_type() != "COMMAND_LONG" or (message.command, message.param1) != (ARM, 1.0):
             answer(message)
             return
-        fake.say("stopped by station 254/190 on link 1")
+        fake.say(said)
         if result is not None:
             fake.send(mavlink.MAVLink_command_ack_message(ARM, result))
 
     fake._answer = stopped
     with pytest.raises(ArmingRefusedError) as caught:
         robot.arm()
-    assert any("station 254" in reason for reason in caught.value.reasons)
+    assert said in caught.value.reasons
     assert len(copies(fake, ARM)) == 1
     assert copies(fake, ARM, 0.0), "its copy may still be on its way"
     assert not robot.armed_here

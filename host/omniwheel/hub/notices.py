@@ -30,6 +30,16 @@ def refused(commander: str) -> str:
     return f"{_REFUSED}{commander}{_COMMANDS}"
 
 
+def is_stop(text: str) -> bool:
+    """Return whether a text says that a program has stopped or held the robot."""
+    return text.startswith((_STOPPED, _HELD))
+
+
+def disarms(text: str) -> bool:
+    """Return whether a text says that a program has disarmed the robot or pressed its emergency stop."""
+    return text.startswith(_STOPPED)
+
+
 def ends_drive(text: str) -> bool:
     """Return whether a text, sent to the program that drove until now, means that its drive is over."""
     return names_program(text) or text.startswith(_REFUSED)
@@ -37,6 +47,5 @@ def ends_drive(text: str) -> bool:
 
 def names_program(text: str) -> bool:
     """Return whether a text names the program that stopped the robot or has taken the command."""
-    if text.startswith((_STOPPED, _HELD)):
-        return True
-    return text.startswith("hub: ") and text.endswith(_COMMANDS) and text != NOBODY_COMMANDS
+    commands_now = text.startswith("hub: ") and text.endswith(_COMMANDS) and text != NOBODY_COMMANDS
+    return is_stop(text) or commands_now
