@@ -135,7 +135,7 @@ def test_refused_fixes_that_agree_with_each_other_restart_the_estimate(
     turned = 1.0 if sd_theta == 0.0 else 0.0
     sine, cosine = np.sin(turned), np.cos(turned)
     x, y = (drive.pose - drive.pose[carried])[:, :2].T
-    there = [*drive.pose, 3.0, 1.0, turned]
+    there = drive.pose + np.array([3.0, 1.0, turned])
     there[:, :2] = np.column_stack((cosine * x - sine * y, sine * x + cosine * y)) + there[carried, :2]
     truth = np.where((np.arange(len(there)) < carried)[:, None], drive.pose, there)
     found, results = estimated(drive, truth, every, sd_theta)

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from omniwheel.dialect import Message, mavlink
-from omniwheel.hub.rules import is_command, target_of
+from omniwheel.dialect import Message, is_command, mavlink
+from omniwheel.hub.rules import target_of
 
 Address = tuple[int, int]
 

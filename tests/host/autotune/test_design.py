@@ -22,7 +22,7 @@ from omniwheel.autotune.gains import Requirements
 from omniwheel.autotune.motor_values import Measured
 from omniwheel.autotune.prefer import Prefer
 from omniwheel.autotune.procedure import Settings, autotune
-from omniwheel.autotune.room import Drive, merged, points, unknown_of
+from omniwheel.autotune.room import Drive, drive, merged, points, unknown_of
 from omniwheel.autotune.sweep import Swept
 from omniwheel.capability.drive_model import model_from_parameters
 from omniwheel.capability.speeds import directions, top_acceleration
@@ -383,7 +383,6 @@ def test_the_bounds_of_its_candidates_are_the_parameters_own() -> None:
 def test_a_robot_that_refuses_its_pose_fixes_is_not_tuned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Autotune lets the noise levels stay as they are meanwhile, and restores them."""
     told: list[str] = []
-    drive = procedure.drive
     levels_meant = read_preset("fixed_noise", parameter_table()).parameters
     seen: dict[str, float] = {}
 
