@@ -33,7 +33,10 @@ PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 1
 # memory.
 SMALL = tuple(
     f"*/shared/core/src/{part}.c"
-    for part in ("estimate/flow", "estimate/pose_ekf_doubt", "estimate/pose_ekf_flow", "model/motor")
+    for part in (
+        *("config/params", "config/robot_config", "control/laws_config", "reference/trajectory_plan"),
+        *("estimate/flow", "estimate/pose_ekf_doubt", "estimate/pose_ekf_flow", "model/motor"),
+    )
 )
 
 generated = Path(env.subst("$BUILD_DIR")) / "generated"
