@@ -241,7 +241,7 @@ def test_a_station_heard_before_the_loop_takes_no_command_in_it(robot: FakeRobot
     """The loop has a clock of its own: who was heard by the other one must be heard again."""
     robot.in_loop(USB)
     for _ in range(150):
-        robot.send(USB, HEARTBEAT)
+        robot.send(USB, HEARTBEAT, velocity(0.0))
         robot.send(RADIO, velocity(0.0, 0.0, 0.5))
         robot.hil_tick(USB, 20)
     assert robot.state(USB) == ARMED

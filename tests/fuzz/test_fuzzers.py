@@ -20,8 +20,6 @@ from tests.native import untimed
 from tests.needs import need
 
 BYTES = 150_000
-SEQUENCE_BYTES = 40_000
-"""It is slower: each input is a robot that drives."""
 TIMEOUT_S = 600
 
 
@@ -47,12 +45,11 @@ def run(command: list[str], **environment: str) -> subprocess.CompletedProcess[s
     "target", [pytest.param(one, marks=pytest.mark.nightly if one == "app" else ()) for one in fuzz.TARGETS]
 )
 def test_a_seeded_run_finds_nothing_and_is_the_same_every_time(target: str) -> None:
-    size = SEQUENCE_BYTES if target == "sequence" else BYTES
-    runs = [run(fuzz.seeded_command(target, 7, size)) for _ in range(2)]
+    runs = [run(fuzz.seeded_command(target, 7, BYTES)) for _ in range(2)]
     assert runs[0].returncode == 0, runs[0].stdout + runs[0].stderr
     assert runs[0].stdout == runs[1].stdout
     figures = json.loads(runs[0].stdout)
-    assert figures["bytes"] >= size
+    assert figures["bytes"] >= BYTES
     if target == "sequence":
         assert figures["stops_in_motion"] > 5
     if target == "app":

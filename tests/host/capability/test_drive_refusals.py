@@ -33,7 +33,7 @@ def omni(*words: str) -> Result:
         ("velocity 1.5 0 0", "LIM_WHEEL is 3 rad/s"),
         ("velocity 0.1 0 2", "LIM_WHEEL is 3 rad/s"),
         ("velocity 0 0 0.7", "LIM_WHEEL is 3 rad/s"),
-        ("velocity 0 0.17 0 --world", "LIM_WHEEL is 3 rad/s"),
+        ("velocity 0 0.17 0 --world-frame", "LIM_WHEEL is 3 rad/s"),
         ("pose 0.1 0 90", "90deg"),
         ("pose 500 0 0", "LIM_POS"),
         ("pose 3 0 0 --duration 5", "--duration is 5 s"),
