@@ -29,8 +29,8 @@ PARTS = ("tables", "wiring", "mavlink-c")
 # Module name and what pip installs for it.
 PACKAGES = {"pymavlink": "pymavlink>=2.4.41"} | ({} if sys.version_info >= (3, 11) else {"tomli": "tomli>=2"})
 
-# Run 50 times a second at most, never, or with new parameters: their loops unrolled by -O3 would take 8 KB of the fast
-# memory.
+# Run 50 times a second at most, never, or in the background with new parameters and paths: their loops unrolled by -O3
+# would take 9 KB of the fast memory.
 SMALL = tuple(
     f"*/shared/core/src/{part}.c"
     for part in (
