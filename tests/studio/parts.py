@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Coroutine, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any
@@ -77,6 +79,12 @@ def running(*words: str) -> Iterator[Program]:
 def studio(*words: str) -> AbstractContextManager[Program]:
     """Run the studio on a port of its own."""
     return running("studio", "--no-browser", "--port", "0", *words)
+
+
+def run_async(work: Coroutine[Any, Any, Any]) -> Any:
+    """Run a coroutine in a thread of its own and return its result: a browser's loop may have this thread."""
+    with ThreadPoolExecutor(max_workers=1) as other:
+        return other.submit(asyncio.run, work).result()
 
 
 def take_over(page: Page) -> None:

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import struct
 import threading
 from concurrent.futures import Future
@@ -34,6 +33,7 @@ from omniwheel.studio.studio import Studio
 from omniwheel.studio.urgent_link import UrgentLink
 from omniwheel.studio.work_queue import SETPOINT, STOP, WorkQueue
 from omniwheel.telemetry import Battery, GyroState, Tracking, Wheels
+from tests.studio.parts import run_async
 
 
 def tracking(time_s: float, x: float) -> Tracking:
@@ -455,7 +455,7 @@ def test_the_page_loads_no_file_of_another_robot(monkeypatch: pytest.MonkeyPatch
     page: Any = None
 
     def load(text: str) -> None:
-        asyncio.run(StudioServer._load(server, page, {"text": f"[parameters]\n{text}\n"}))
+        run_async(StudioServer._load(server, page, {"text": f"[parameters]\n{text}\n"}))
 
     with pytest.raises(OtherRobotError):
         load("WHEELS = 4\nISMC_LAM_XY = 9")

@@ -3,12 +3,10 @@
 
 from __future__ import annotations
 
-import asyncio
 import os
 import signal
 import threading
 from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +22,7 @@ from omniwheel.studio.session import Session
 from omniwheel.studio.studio import Page as StudioPage
 from omniwheel.studio.studio import Studio
 from omniwheel.telemetry import StatusText
-from tests.studio.parts import Opener, Program, let_live, running, studio, until
+from tests.studio.parts import Opener, Program, let_live, run_async, running, studio, until
 from tests.waiting import receive_until, wait_until
 
 PLOTS = """
@@ -471,8 +469,7 @@ def test_a_page_that_cannot_be_told_anything_more_is_closed_so_that_it_comes_ane
     monkeypatch.setattr(studio_, "news", broken)
     server = StudioServer(studio_, Access("127.0.0.1"), tmp_path, dict)
     socket: Any = Socket()
-    with ThreadPoolExecutor() as other:  # the browser's loop has this thread
-        other.submit(lambda: asyncio.run(server._send(socket, studio_.open_page(), Outbox()))).result()
+    run_async(server._send(socket, studio_.open_page(), Outbox()))
     assert socket.closed == [1011]
     assert "planted" in caplog.text
     studio_.close()

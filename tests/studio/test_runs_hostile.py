@@ -8,7 +8,6 @@ import http.client
 import json
 import os
 from collections.abc import AsyncIterator, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from websockets.sync.client import connect
 from omniwheel.errors import LogError
 from omniwheel.studio import runs
 from omniwheel.studio.runs import LARGEST_UPLOAD, MOST_UPLOADS
-from tests.studio.parts import Program, studio
+from tests.studio.parts import Program, run_async, studio
 from tests.studio.recorded import frames, write_run
 from tests.studio.test_hostile import ask, socket_url
 from tests.waiting import wait_until
@@ -159,8 +158,8 @@ def test_an_upload_that_stalls_is_ended(monkeypatch: pytest.MonkeyPatch) -> None
             await asyncio.Event().wait()
 
     monkeypatch.setattr(runs, "UPLOAD_TIMEOUT_S", 0.01)
-    with ThreadPoolExecutor() as other, pytest.raises(LogError):  # a browser's loop may have this thread
-        other.submit(lambda: asyncio.run(runs._received(Stalled(), BytesIO()))).result()
+    with pytest.raises(LogError):
+        run_async(runs._received(Stalled(), BytesIO()))
 
 
 def test_an_upload_that_breaks_off_leaves_the_server_at_work(program: Program) -> None:

@@ -3,11 +3,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 import struct
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -27,6 +25,7 @@ from omniwheel.studio.simulated_log import LOG_SIGNALS
 from omniwheel.studio.spectra import TooFewSamplesError
 from omniwheel.studio.studio import Page, Studio
 from omniwheel.telemetry import GyroState, Tracking
+from tests.studio.parts import run_async
 from tests.studio.recorded import write_run
 from tests.studio.test_parts import tracking
 
@@ -206,8 +205,7 @@ def test_the_page_is_told_of_its_misspelt_signal(fed: Fed, tmp_path: Path) -> No
         await server._answered(fed.page, "show", {"id": 7, "signals": [key]}, outbox)
         return json.loads(outbox.pop() or "")
 
-    with ThreadPoolExecutor() as other:  # a browser's loop may have this thread
-        found = list(other.map(lambda key: asyncio.run(answer(key)), (RATE, MISSPELT)))
+    found = [run_async(answer(key)) for key in (RATE, MISSPELT)]
     assert [(one["answer"], "error" in one) for one in found] == [(7, False), (7, True)]
     assert MISSPELT in found[1]["error"]
 

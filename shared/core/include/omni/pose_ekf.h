@@ -73,9 +73,10 @@
  *   v = p_slip + sum (s_i / 3)^2,   P_xx, P_yy += v D^2,   P_theta += v D^2 / (n l^2)
  *
  * If the NIS is then at most 16.27, the fix is used with that P. If not, P stays, and the gate judges the fix as it
- * was. It is not done where v D^2 is below the variance of the fix: then slip explains less than the fix's own noise. D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is
- * further away than the wheels may have slipped since the last used fix. After a refused fix this is done only for one
- * that agrees with it (below): else a frozen tracker would be believed when D is long. Without a gate it is not done.
+ * was. It is not done where v D^2 is below the variance of the fix: then slip explains less than the fix's own noise.
+ * D keeps growing while fixes are refused, so the gate cannot lock out correct ones for long. An outlier is further
+ * away than the wheels may have slipped since the last used fix. After a refused fix this is done only for one that
+ * agrees with it (below): else a frozen tracker would be believed when D is long. Without a gate it is not done.
  *
  * The gate also refuses fixes after somebody has carried the robot. So refused fixes that agree with each other restart
  * the estimate: each one has moved since the first of them as the wheels say, up to slip ratios of variance p_slip and
