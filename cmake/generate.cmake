@@ -89,9 +89,9 @@ file(GLOB preset_files CONFIGURE_DEPENDS "${PROJECT_SOURCE_DIR}/shared/presets/*
 install(FILES ${preset_files} DESTINATION omniwheel/presets)
 
 # What `make studio-page` brought from npm goes into a wheel; an editable install finds it in the source.
-set(studio_vendor "${PROJECT_SOURCE_DIR}/host/omniwheel/studio/vendor")
+set(studio_vendor "${PROJECT_SOURCE_DIR}/host/omni/studio/vendor")
 if(EXISTS "${studio_vendor}" AND NOT SKBUILD_STATE STREQUAL "editable")
-  install(DIRECTORY "${studio_vendor}" DESTINATION omniwheel/studio)
+  install(DIRECTORY "${studio_vendor}" DESTINATION omni/studio)
 endif()
 
 # What this build was made from and when it began, for `omni` (host/omniwheel/build_record.py). A wheel has no source beside it.

@@ -25,13 +25,14 @@ from functools import partial
 from pathlib import Path
 from types import FrameType
 
+from emulated_teensy.image_file import read_image
+from emulated_teensy.machine import STORAGE_SIZE, Channel, Options, Stop
 from hil_sim.frame_watch import FrameWatch
-from hil_sim.image_file import read_image
 from hil_sim.image_links import ImagePort, open_port
 from hil_sim.lockstep import WORLD_COMPONENT_ID, WORLD_SYSTEM_ID
-from hil_sim.rt1062 import STORAGE_SIZE, Channel, Machine, Options, Stop, wiring_of
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
+from hil_sim.teensy import Teensy, wiring_of
 from omniwheel import files
 from omniwheel.dialect import mavlink
 from omniwheel.errors import FirmwareStartError, OmniError
@@ -66,7 +67,7 @@ class Link:
     waiting: bytes = b""
     watch: FrameWatch = field(default_factory=FrameWatch)
 
-    def to_robot(self, machine: Machine, fix: bytes = b"") -> None:
+    def to_robot(self, machine: Teensy, fix: bytes = b"") -> None:
         """Hand on what the client sent, and ``fix`` unless the client is in the middle of a frame."""
         if len(self.waiting) < MAX_WAITING:
             sent = self.port.read()
@@ -75,7 +76,7 @@ class Link:
         if self.waiting:
             self.waiting = self.waiting[machine.send(self.channel, self.waiting) :]
 
-    def from_robot(self, machine: Machine) -> bytes:
+    def from_robot(self, machine: Teensy) -> bytes:
         """Hand on and return what the board sent; with a client that does not read, the board waits, too."""
         self.port.flush()
         if self.port.full:
@@ -89,7 +90,7 @@ class Link:
 class Server:
     """Keeps a machine and its clients going."""
 
-    def __init__(self, machine: Machine, links: list[Link], storage: StorageFile | None, *, lockstep: bool) -> None:
+    def __init__(self, machine: Teensy, links: list[Link], storage: StorageFile | None, *, lockstep: bool) -> None:
         self.ended = False
         self._machine = machine
         self._links = links
@@ -262,14 +263,14 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def _machine(arguments: argparse.Namespace) -> Machine:
+def _machine(arguments: argparse.Namespace) -> Teensy:
     wiring = wiring_of(read_robot(arguments.robot))
     options = Options(instruction_ns=arguments.instruction_ns, strict=False, seed=arguments.seed or Options.seed)
     world = None
     if arguments.scenario is not None:
         scenario = load_scenario(arguments.scenario, arguments.robot, arguments.world_robot).with_seed(arguments.seed)
         world = new_world(scenario)
-    return Machine(read_image(arguments.image), wiring=wiring, world=world, options=options)
+    return Teensy(read_image(arguments.image), wiring=wiring, world=world, options=options)
 
 
 def _serve(arguments: argparse.Namespace) -> int:

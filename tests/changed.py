@@ -34,7 +34,7 @@ FOLDERS = (
     ("firmware/boards/", ("tests/boards", "tests/image", "tests/firmware")),
     ("hil_sim/", ("tests/hil_sim", "tests/e2e", "tests/studies")),
     ("host/native/", ("tests/core", "tests/hil_sim")),
-    ("host/omniwheel/studio/page/", ("tests/studio",)),
+    ("host/omni/studio/page/", ("tests/studio",)),
     ("docs/", ("tests/docs",)),
     ("cmake/", ("tests/core", "tests/e2e")),
 )

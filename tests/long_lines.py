@@ -8,8 +8,8 @@ import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+from omni.studio.signals import KINDS
 from omniwheel.dialect import Message, mavlink
-from omniwheel.studio.signals import KINDS
 from omniwheel.telemetry import Fix
 
 HELD_BYTES = 5

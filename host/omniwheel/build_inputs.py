@@ -11,7 +11,7 @@ import os
 import sys
 from collections.abc import Iterator
 
-FOLDERS = ("shared", "firmware", "hil_sim", "host/native", "cmake")
+FOLDERS = ("shared", "firmware", "emulated_teensy", "hil_sim", "host/native", "cmake")
 TOP_FILES = ("CMakeLists.txt", "pyproject.toml")
 _EVERYWHERE = (".c", ".h", ".cpp", ".hpp", ".ld", ".cmake", "CMakeLists.txt")
 _SCHEMAS = (".toml", ".xml")

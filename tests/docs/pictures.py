@@ -22,7 +22,7 @@ from typing import Any
 
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from tests.host.stepped import robot
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 import typer
 
-from omniwheel.cli import app
+from omni.cli import app
 from tests.docs.prose import pages
 
 ROOT: Any = typer.main.get_command(app)

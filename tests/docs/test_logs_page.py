@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "guides" / "logs.md"
 

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 from hil_sim.hil import run_hil
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import load_scenario
-from omniwheel.cli import app
+from omni.cli import app
 
 WALL_TIME = ("wall_s", "realtime_factor", "tick_us")
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.figures.fault_table import FAULTS, table, with_part
 from hil_sim.fault_bench import FaultResult, Firmware, run_case
 from hil_sim.fault_cases import CASES, CIRCLE, EMERGENCY_STOP, FAULT_S, FaultCase
-from hil_sim.fault_table import FAULTS, table, with_part
 from omniwheel import FirmwareProcess
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from tests.arm import need_emulator
@@ -85,6 +85,6 @@ def test_both_processors_take_the_same_time() -> None:
 
 
 def test_the_table_in_the_documentation_is_what_was_measured() -> None:
-    """After a change, ``python -m hil_sim.fault_table --write`` brings it up to date."""
+    """After a change, ``python -m bench.figures.fault_table --write`` brings it up to date."""
     measured, document = table(result_of(case.name, "pc") for case in CASES), DOCUMENT.read_text()
     assert with_part(document, FAULTS, measured) == document

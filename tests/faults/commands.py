@@ -97,8 +97,8 @@ def _telemetry() -> Any:
     return _patched(
         omniwheel__identification__pipeline__identify_robot=lambda *_, **__: found,
         omniwheel__identification__robot_file__write_robot_file=_identified,
-        omniwheel__cli__identify___table=lambda *_: "",
-        omniwheel__cli__identify___as_dict=lambda *_: {},
+        omni__cli__identify___table=lambda *_: "",
+        omni__cli__identify___as_dict=lambda *_: {},
         omniwheel__identification__sources__read_dataset=lambda path, *_: SimpleNamespace(name=str(path)),
     )
 
@@ -184,9 +184,7 @@ def _short_experiment() -> Any:
 
 
 def _no_checks() -> Any:
-    return _patched(
-        hil_sim__image_check__run__run_checks=lambda *_, **__: [], hil_sim__image_check__run__outcome_page=_page
-    )
+    return _patched(image_check__run__run_checks=lambda *_, **__: [], image_check__run__outcome_page=_page)
 
 
 def _page(*_: Any) -> str:
@@ -251,7 +249,7 @@ def _camera() -> Iterator[None]:
     with (
         known_lens(),
         _patched(
-            omniwheel__cli__mocap_camera___mean_corners=lambda *_: {},
+            omni__cli__mocap_camera___mean_corners=lambda *_: {},
             omniwheel__mocap__camera__place__find_place=lambda *_: place,
         ),
     ):

@@ -25,7 +25,7 @@ import numpy as np
 import tomllib
 from typer.testing import CliRunner, Result
 
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.tlog import whole_records
 from tests.blank_pictures import blank_pictures
 from tests.faults.commands import CASES, INPUTS, Case, firmware, make_inputs

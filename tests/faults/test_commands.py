@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 import typer
 
-from omniwheel.cli import app
+from omni.cli import app
 from tests.faults.commands import CASES, SAME_AS, STORED_BY_FIRMWARE, WRITE_NOTHING
 from tests.faults.shim import chosen, library, need_shim
 

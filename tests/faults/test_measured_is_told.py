@@ -12,8 +12,8 @@ from unittest.mock import patch
 import pytest
 from typer.testing import CliRunner, Result
 
+from omni.cli import app
 from omniwheel import FirmwareProcess, connect
-from omniwheel.cli import app
 from omniwheel.errors import OutputFileError
 from tests.faults.commands import CASES
 

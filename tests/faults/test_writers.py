@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("host", "hil_sim", "omni_reproduce", "bench")
+FOLDERS = ("host", "emulated_teensy", "hil_sim", "image_check", "omni_reproduce", "bench")
 WRITING = ("write_text", "write_bytes", "savefig", "tofile", "copyfile", "copy2")
 INTO_A_FILE = ("save", "savez", "savez_compressed", "savetxt", "dump")
 """These take an open file, which ``files.replaced`` gives."""

@@ -27,8 +27,8 @@ from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.summary import TLOG_FILE, summarize
 from hil_sim.world import World
+from omni.cli import app
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app
 from tests.firmware.client import Client
 from tests.hil_sim.tiny_world import TinyWorld
 
@@ -388,7 +388,7 @@ def test_the_table_says_which_world_it_was(folder: Path) -> None:
 
 @pytest.mark.full
 def test_sitl_without_a_world_waits_for_the_sensors_of_another_simulator() -> None:
-    command = [sys.executable, "-m", "omniwheel", "sitl", "--no-world", "--port", "0", "--json", "--end-with-stdin"]
+    command = [sys.executable, "-m", "omni", "sitl", "--no-world", "--port", "0", "--json", "--end-with-stdin"]
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         host, port = json.loads(process.stdout.readline())["links"][0].removeprefix("tcp:").split(":")

@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from hil_sim import core, flow_figures
+from bench.figures import flow as flow_figures
+from bench.figures.gyro import start_run
+from hil_sim import core
 from hil_sim.faults import Fault
-from hil_sim.gyro_figures import start_run
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.world import IDEAL_WHEELS

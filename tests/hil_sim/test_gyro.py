@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil_sim import gyro_figures
+from bench.figures import gyro as gyro_figures
 from hil_sim.faults import Fault
 from hil_sim.runs import faults_seen, new_world, run_in_process
 from hil_sim.scenario import Scenario, load_scenario

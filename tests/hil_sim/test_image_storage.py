@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from emulated_teensy.machine import STORAGE_SIZE
 from hil_sim.image_process import StorageFile
-from hil_sim.rt1062 import STORAGE_SIZE
 from omniwheel import FirmwareProcess
 from omniwheel.errors import FirmwareStartError, OutputFileError
 

@@ -18,8 +18,8 @@ from hil_sim.hil import AfterRunError, run_hil
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.summary import summarize
 from hil_sim.timeline import RunError
+from omni.cli import app
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app
 from omniwheel.errors import CommandRefusedError, OmniError, OutsideLoopError
 from omniwheel.robot import Robot
 

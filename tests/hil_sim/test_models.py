@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from hil_sim.models.export import FORMATS
 from hil_sim.models.parts import KEYS, RobotParts, robot_parts
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.robots import find_robot_file, read_robot
 from tests.native import ROOT
 from tests.needs import need

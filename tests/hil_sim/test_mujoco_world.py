@@ -15,19 +15,19 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from bench.figures.mujoco_speed import table
+from bench.figures.rollers import SHOWN, row, yaw_ripple
 from hil_sim.external import ExternalWorldError, ExternalWorldInputError, load_world
 from hil_sim.hil import run_hil
 from hil_sim.models.parts import PartsError
-from hil_sim.mujoco_figures import SHOWN, row, yaw_ripple
 from hil_sim.mujoco_settings import Film, Floor, Patch, Settings, read_settings
-from hil_sim.mujoco_speed import table
 from hil_sim.mujoco_world import MujocoWorld
 from hil_sim.patches import FloorPatch
 from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.summary import summarize
 from hil_sim.world import GRAVITY_M_S2, WorldError
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.errors import OmniError
 from tests.native import ROOT
 from tests.needs import refuse

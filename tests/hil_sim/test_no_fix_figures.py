@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil_sim import no_fix_figures
+from bench.figures import no_fix as no_fix_figures
 from hil_sim.processes import worker_pool
 from tests.native import ROOT
 

@@ -16,7 +16,7 @@ from hil_sim.run_picture import draw_run
 from hil_sim.runs import run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.summary import summarize
-from omniwheel.cli.run_output import comparison_table
+from omni.cli.run_output import comparison_table
 from omniwheel.plain import shown
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from hil_sim.fault_table import STATES, with_part
+from bench.figures.fault_table import STATES, with_part
 from hil_sim.state_diagram import EVENTS, diagram
 from omniwheel._core import lib
 
@@ -13,7 +13,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "reference" / "safety.md"
 
 
 def test_the_documentation_shows_the_table_that_the_robot_uses() -> None:
-    """After a change, ``python -m hil_sim.fault_table --write`` brings it up to date."""
+    """After a change, ``python -m bench.figures.fault_table --write`` brings it up to date."""
     document = DOCUMENT.read_text()
     assert with_part(document, STATES, diagram()) == document
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from hil_sim.waiting_speed import table
+from bench.figures.waiting_speed import table
 from omniwheel._core import ffi, lib
 from tests.hil_sim.echo_robot import Bench
 

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from hil_sim.models.parts import KEYS
 from hil_sim.world import SIMULATION_KEYS
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.robots import find_robot_file, parameter_table
 
 

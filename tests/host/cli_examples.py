@@ -28,10 +28,10 @@ from hil_sim.hil import run_hil
 from hil_sim.loop_speed import loops
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import Sitl, start_sitl
+from omni.cli import app
+from omni.cli.common import keep_history
 from omniwheel import FirmwareProcess
 from omniwheel.bringup import Assumed
-from omniwheel.cli import app
-from omniwheel.cli.common import keep_history
 from omniwheel.frames import Pose
 from omniwheel.mocap.simulated import SimulatedSource
 from omniwheel.signing import new_key_file
@@ -51,7 +51,7 @@ LINK = ("--link", "-l")
 @contextmanager
 def real_time_robot() -> Iterator[None]:
     """A robot in real time, for what has a clock of its own."""
-    with FirmwareProcess("three_wheel") as firmware, patch("omniwheel.cli.mocap.link_url", lambda _: firmware.urls[0]):
+    with FirmwareProcess("three_wheel") as firmware, patch("omni.cli.mocap.link_url", lambda _: firmware.urls[0]):
         yield
 
 
@@ -60,7 +60,7 @@ def turned_robot() -> Iterator[None]:
     """Somebody turns the robot to and fro for 20 s while cameras look."""
     with (
         FirmwareProcess("three_wheel") as firmware,
-        patch("omniwheel.cli.mocap_latency.link_url", lambda _: firmware.urls[0]),
+        patch("omni.cli.mocap_latency.link_url", lambda _: firmware.urls[0]),
         patch("omniwheel.mocap.latency.observe", lambda *_: headings()),
         patch("omniwheel.mocap.streams.open_source", lambda *_, **__: SimulatedSource()),
     ):
@@ -76,7 +76,7 @@ def pressed_keys() -> Iterator[None]:
     def raw_keys() -> Iterator[Callable[[], str]]:
         yield lambda: next(keys)
 
-    with robot(), patch("omniwheel.cli.drive.raw_keys", raw_keys):
+    with robot(), patch("omni.cli.drive.raw_keys", raw_keys):
         yield
 
 
@@ -88,14 +88,14 @@ def no_radio() -> Iterator[None]:
     def link(*_: object) -> Iterator[Any]:
         yield SimpleNamespace(write=lambda data: None, read=lambda timeout_s: b"")
 
-    with patch("omniwheel.cli.host_control._radio_link", link):
+    with patch("omni.cli.host_control._radio_link", link):
         yield
 
 
 @contextmanager
 def person() -> Iterator[None]:
     """Somebody agrees to everything and looks at nothing, beside a robot on a stand."""
-    with robot("stand"), patch("omniwheel.cli.bringup.TerminalPerson", lambda *_, **__: Assumed()):
+    with robot("stand"), patch("omni.cli.bringup.TerminalPerson", lambda *_, **__: Assumed()):
         yield
 
 
@@ -111,7 +111,7 @@ def soon_over() -> Iterator[None]:
     def end(_: object) -> None:
         raise KeyboardInterrupt
 
-    with patch.object(Sitl, "advance", once), patch("omniwheel.cli.sitl.wait_for_end", end):
+    with patch.object(Sitl, "advance", once), patch("omni.cli.sitl.wait_for_end", end):
         yield
 
 
@@ -122,7 +122,7 @@ def soon_unplugged() -> Iterator[None]:
     def end(_: object) -> None:
         raise KeyboardInterrupt
 
-    replaced = {"omniwheel.hub.server.HubServer.serve": end, "omniwheel.cli.link.link_url": lambda _: "nowhere"}
+    replaced = {"omni.hub.server.HubServer.serve": end, "omni.cli.link.link_url": lambda _: "nowhere"}
     with patched(replaced):
         yield
 
@@ -155,7 +155,7 @@ def no_emulator() -> Iterator[None]:
                 "hil_sim.sitl.start_sitl": in_process,
                 "omniwheel.emulated_firmware.EmulatedFirmware": FirmwareProcess,
                 "hil_sim.image_firmware.ImageFirmware": image,
-                "omniwheel.cli.emulate._wait_for_end": end,
+                "omni.cli.emulate._wait_for_end": end,
             }
         ),
     ):
@@ -202,12 +202,10 @@ def no_soak() -> Iterator[None]:
 @contextmanager
 def no_build() -> Iterator[None]:
     """PlatformIO is not asked to build."""
-    from omniwheel.cli.flash import Program
+    from omni.cli.flash import Program
 
     image = SimpleNamespace(path=Path("firmware.hex"), size=1, sha256="00", wiring_id=0)
-    with patched(
-        {f"omniwheel.cli.flash.{name}": partial(_program, Program, image) for name in ("_built", "_from_file")}
-    ):
+    with patched({f"omni.cli.flash.{name}": partial(_program, Program, image) for name in ("_built", "_from_file")}):
         yield
 
 

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from hil_sim.image_check.run import Outcome
-from omniwheel.cli import app
-from omniwheel.cli import flash as command
+from image_check.run import Outcome
+from omni.cli import app
+from omni.cli import flash as command
 from omniwheel.flashing import boards, loader, source
 from omniwheel.ports import Port
 from tests.host.hex_files import teensy_program, write_hex
@@ -51,7 +51,7 @@ class Bench:
         monkeypatch.setattr(loader, "LEAVE_S", 0.0)
         monkeypatch.setattr(command, "build", self._build)
         monkeypatch.setattr(
-            "hil_sim.image_check.run.run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
+            "image_check.run.run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
         )
 
     def program(self, name: str, exit_code: int) -> None:

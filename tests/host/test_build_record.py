@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
 from omniwheel.build_inputs import build_inputs
 from omniwheel.build_record import BuildRecord, load_record
-from omniwheel.cli import app
 from tests.native import ROOT
 
 BEGAN_S = 1_700_000_000.0
@@ -74,7 +74,7 @@ def test_a_wheel_has_no_sources_to_compare(record: BuildRecord) -> None:
 
 
 def test_omni_warns_once_and_works_all_the_same(record: BuildRecord, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("omniwheel.cli.group.load_record", lambda: record)
+    monkeypatch.setattr("omni.cli.group.load_record", lambda: record)
     quiet = CliRunner().invoke(app, ["robots", "list", "--json"])
     assert (quiet.exit_code, quiet.stderr) == (0, "")
     touch(Path(record.source) / "shared/params.toml")

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from hil_sim.image_check.run import all_checks
-from omniwheel.cli import app
+from image_check.run import all_checks
+from omni.cli import app
 from tests.host.hex_files import teensy_program, write_hex
 
 pytest.importorskip("intelhex")

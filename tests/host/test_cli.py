@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
 from omniwheel import FirmwareProcess, connect
-from omniwheel.cli import app
 from omniwheel.telemetry import Heartbeat
 from tests.waiting import wait_until
 
@@ -42,7 +42,7 @@ def run_json(*words: str, code: int = 0) -> Any:
     return json.loads(run(*words, "--json", code=code).stdout)
 
 
-OMNI = [sys.executable, "-c", "from omniwheel.cli import main; main()"]
+OMNI = [sys.executable, "-c", "from omni.cli import main; main()"]
 
 
 def omni(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
@@ -199,7 +199,7 @@ def test_monitor_shows_the_fields_of_any_message(url: str) -> None:
 def test_the_monitor_does_not_show_an_old_state_as_the_present_one(robot: Any, fake: Any) -> None:
     from rich.console import Console
 
-    from omniwheel.cli.monitor import view
+    from omni.cli.monitor import view
 
     fake.silent = True
     robot.pump(4.0)
@@ -368,7 +368,7 @@ def test_doctor_fails_when_something_required_is_missing(monkeypatch: pytest.Mon
     def missing() -> Path:
         raise MissingFileError("the PC firmware not found")
 
-    monkeypatch.setattr("omniwheel.cli.doctor.firmware_path", missing)
+    monkeypatch.setattr("omni.cli.doctor.firmware_path", missing)
     assert run_json("doctor", code=1)["ok"] is False
 
 

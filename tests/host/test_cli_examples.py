@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from tests.blank_pictures import blank_pictures
 from tests.host.cli_examples import RULES, make_files, rule_of, words_of
 from tests.host.test_cli_front import examples

@@ -21,10 +21,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
-from omniwheel.cli.command_table import TABLE
-from omniwheel.cli.common import BAD_INPUT
-from omniwheel.cli.negative_numbers import _arguments_last
+from omni.cli import app
+from omni.cli.command_table import TABLE
+from omni.cli.common import BAD_INPUT
+from omni.cli.negative_numbers import _arguments_last
 
 ROOT_COMMAND: Any = typer.main.get_command(app)
 DRAWING = {"pydantic", "pygments", "markdown_it"}
@@ -35,7 +35,7 @@ HEAVY = DRAWING | {
 """Packages that take long to import. Help and completion need none of them."""
 LIGHT = {
     *("hil_sim", "hil_sim.limits", "hil_sim.processes", "hil_sim.schema", "hil_sim.studies"),
-    *("hil_sim.studies.errors", "hil_sim.studies.figures", "hil_sim.image_check", "hil_sim.image_check.check"),
+    *("hil_sim.studies.errors", "hil_sim.studies.figures", "image_check", "image_check.check"),
     *("omni_reproduce", "omni_reproduce.experiment", "omni_reproduce.registry"),
 }
 """Modules of heavy packages of our own that hold bounds and names for help pages, and import nothing heavy."""
@@ -73,7 +73,7 @@ def imported_by(*words: str, **environment: str) -> tuple[set[str], str]:
         "import sys, atexit\n"
         "atexit.register(lambda: print('\\n@', *{name.split('.')[0] for name in sys.modules}, file=sys.stderr))\n"
         f"sys.argv = ['omni', *{list(words)!r}]\n"
-        "from omniwheel.cli import main\n"
+        "from omni.cli import main\n"
         "main()\n"
     )
     done = subprocess.run(
@@ -130,7 +130,7 @@ def heavy_by_line(lines: list[str], light: Collection[str] = LIGHT) -> dict[str,
     """Return the lines whose completion imports something heavy, each with what it is the first to import."""
     program = (
         "import contextlib, io, json, os, sys\n"
-        "from omniwheel.cli import main\n"
+        "from omni.cli import main\n"
         "seen, found = set(), {}\n"
         "for line in json.load(sys.stdin):\n"
         "    words = {'COMP_WORDS': line, 'COMP_CWORD': str(line.count(' '))}\n"
@@ -284,7 +284,7 @@ def test_a_time_is_always_called_duration() -> None:
                 assert option.opts[0] == "--duration", words
 
 
-@pytest.mark.parametrize("module", ["typer", "omniwheel.cli", "omniwheel.cli.sim", "hil_sim", "numpy"])
+@pytest.mark.parametrize("module", ["typer", "omni.cli", "omni.cli.sim", "hil_sim", "numpy"])
 def test_ctrl_c_while_modules_load_shows_no_traceback(module: str) -> None:
     program = (
         "import sys\n"
@@ -294,7 +294,7 @@ def test_ctrl_c_while_modules_load_shows_no_traceback(module: str) -> None:
         f"        if name == {module!r}: raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, CtrlC)\n"
         "sys.argv = ['omni', 'sim', 'demo']\n"
-        "from omniwheel.__main__ import main\n"
+        "from omni.__main__ import main\n"
         "main()\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
@@ -346,7 +346,7 @@ def test_an_old_build_is_one_sentence(words: list[str], stale: str) -> None:
         f"module.__spec__ = importlib.util.find_spec({stale!r})\n"
         "sys.modules[module.__name__] = module\n"
         f"sys.argv = ['omni', *{words!r}]\n"
-        "from omniwheel.__main__ import main\n"
+        "from omni.__main__ import main\n"
         "main()\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

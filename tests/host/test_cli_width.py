@@ -13,10 +13,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from hil_sim.image_check.run import all_checks
+from image_check.run import all_checks
+from omni.cli import app
+from omni.cli.study_output import print_table
 from omni_reproduce.registry import EXPERIMENTS
-from omniwheel.cli import app
-from omniwheel.cli.study_output import print_table
 from omniwheel.presets import preset_names
 from omniwheel.robots import parameter_table, robot_names
 from tests.host.stepped import robot

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from hil_sim.scenario import load_scenario
+from omni.cli import app
 from omni_schema import SchemaError
 from omniwheel import parameter_file, signing
-from omniwheel.cli import app
 from omniwheel.errors import LogError, OmniError
 from omniwheel.flashing.hex_file import read_hex
 from omniwheel.identification.sources import read_dataset

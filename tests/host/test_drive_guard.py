@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from omni.cli.drive import _until_done
 from omniwheel import Robot, connect
-from omniwheel.cli.drive import _until_done
 from omniwheel.dialect import mavlink
 from omniwheel.errors import OmniError, StoppedError
 from omniwheel.identification.live import excite

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
+from omni.cli import app
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app
 from omniwheel.dialect import mavlink
 from omniwheel.drive_log.listing import list_runs
 from omniwheel.drive_log.record import record_of

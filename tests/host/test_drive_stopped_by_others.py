@@ -26,7 +26,7 @@ def test_a_drive_ends_with_exit_code_1_if_another_station_stops_the_robot(tmp_pa
         other.heartbeat()
         words = ("drive", "velocity", "0", "0", "0", "--duration", "60", "--link", robot.links[0], "--out", tmp_path)
         drive = subprocess.Popen(
-            [sys.executable, "-m", "omniwheel", *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+            [sys.executable, "-m", "omni", *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.STDOUT
         )
         other.wait_for(is_armed, "the robot is not armed")
         await_streaming(other)
@@ -44,7 +44,7 @@ def test_a_command_speaks_as_the_station_that_its_computer_was_given(
     with firmware() as robot:
         words = ("drive", "velocity", "0", "0", "0", "--duration", "1", "--link", robot.links[0], "--out", tmp_path)
         done = subprocess.run(
-            [sys.executable, "-m", "omniwheel", *map(str, words)],
+            [sys.executable, "-m", "omni", *map(str, words)],
             env={**os.environ, "OMNI_STATION": station},
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,

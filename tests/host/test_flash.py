@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from hil_sim.image_check.run import Outcome
+from image_check.run import Outcome
 from omniwheel import FirmwareProcess
 from omniwheel.errors import FlashError, LinkOpenError
 from omniwheel.flashing import boards, loader, running, source
@@ -420,7 +420,7 @@ def test_an_image_that_fails_its_check_is_not_uploaded(bench: Bench, monkeypatch
             done(outcome)
         return outcomes
 
-    monkeypatch.setattr("hil_sim.image_check.run.run_checks", run_checks)
+    monkeypatch.setattr("image_check.run.run_checks", run_checks)
     result = flash()
     assert result.exit_code == 1
     assert "1 of its checks: stops" in result.stderr

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
+from omni.cli.command_table import TABLE, load
 from omni_schema.errors import did_you_mean
-from omniwheel.cli import app
-from omniwheel.cli.command_table import TABLE, load
 from tests.host.stepped import robot
 
 

@@ -16,8 +16,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
 from omniwheel import FirmwareProcess, Robot, connect
-from omniwheel.cli import app
 from omniwheel.errors import HistoryError, OutputFileError, ParameterRefusedError
 from omniwheel.history import ChangeRecorder, RobotHistory, history_file
 

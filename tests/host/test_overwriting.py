@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 
 KEPT = "# somebody's notes\n"
 NOWHERE = ("--link", "tcp:127.0.0.1:9")

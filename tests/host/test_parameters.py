@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
 from omni_schema import as_float32
 from omniwheel import Robot, connect
-from omniwheel.cli import app
 from omniwheel.errors import (
     LinkLostError,
     LinkTimeoutError,

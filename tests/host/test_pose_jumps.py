@@ -14,7 +14,8 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
+from omni.studio.recorded_log import RecordedLog
 from omniwheel.dialect import mavlink
 from omniwheel.drive_log.folder import Drive, write_with_figures
 from omniwheel.drive_log.listing import headline, list_runs
@@ -23,7 +24,6 @@ from omniwheel.log_sources import read_tlog
 from omniwheel.pose_jumps import geometry_of, jumps_of, steps_of, without_jumps
 from omniwheel.replay import replay
 from omniwheel.robots import parameter_table, read_robot
-from omniwheel.studio.recorded_log import RecordedLog
 from tests.host.test_tlog_reader import DRIVE, ROBOT, SPEED_M_S, drive, later, log, packed, tracking, wheels
 
 Array = NDArray[np.float64]
@@ -212,6 +212,6 @@ def test_a_robots_own_wheels_are_judged_by_the_parameters_beside_the_log(tmp_pat
 def test_the_studio_finds_a_jump_between_two_pieces_of_a_log(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: int
 ) -> None:
-    monkeypatch.setattr("omniwheel.studio.recorded_log.PIECE_BYTES", size)
+    monkeypatch.setattr("omni.studio.recorded_log.PIECE_BYTES", size)
     parts = [standing(3000 + 50 * 13 * part, float(part), rows=13) for part in range(12)]
     assert len(reads(log(tmp_path, *parts)).jumps) == 11

@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 from hil_sim import metrics
 from hil_sim.runs import faults_seen, run_in_process
 from hil_sim.scenario import Event, load_scenario
+from omni.cli import app
 from omni_reproduce.experiment import read_spec
-from omniwheel.cli import app
 from omniwheel.errors import ParameterFileError
 from omniwheel.presets import preset_names, read_preset
 from omniwheel.robots import parameter_table, read_robot

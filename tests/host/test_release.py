@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from hil_sim.image_check.run import Outcome
+from image_check.run import Outcome
+from omni.cli import release
 from omniwheel import __version__
-from omniwheel.cli import release
 from omniwheel.errors import HexFileError
 from omniwheel.flashing import source
 from omniwheel.flashing.source import Build
@@ -31,7 +31,7 @@ def made(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Build]:
         builds[robot] = Build(folder / "firmware.elf", image, "0123456789abcdef")
     monkeypatch.setattr(release, "build", lambda robot: builds[robot])
     monkeypatch.setattr(
-        "hil_sim.image_check.run.run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
+        "image_check.run.run_checks", lambda *_, **__: [Outcome("boots", "it boots", ("0.3 s",), "", 0.1)]
     )
     return builds
 
@@ -61,7 +61,7 @@ def test_the_checks_report_is_in_the_release_and_a_failure_ends_it(
         return [Outcome("boots", f"at depth {depth}", ("0.3 s",), failure, 0.1)]
 
     failure = ""
-    monkeypatch.setattr("hil_sim.image_check.run.run_checks", run_checks)
+    monkeypatch.setattr("image_check.run.run_checks", run_checks)
     assert release.main(["--out", str(tmp_path)]) == 0
     report = (tmp_path / f"omniwheel-{__version__}-three_wheel.check.md").read_text()
     assert "| boots | at depth ci | 0.3 s |" in report

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
+from omni.hub.followed import FollowedRobot
 from omniwheel import FirmwareProcess, Robot, connect
-from omniwheel.cli import app
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ParameterRangeError, ParameterRefusedError
-from omniwheel.hub.followed import FollowedRobot
 from tests.host.shared_line import shared_line
 from tests.host.two_robots import FIRST, SECOND, TwoRobots
 

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 import omniwheel
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.firmware_process import first_ready_line
 from omniwheel.paths import firmware_path
 from omniwheel.robots import read_robot

@@ -11,7 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.world import PLANTS
-from omniwheel.cli import app
+from omni.cli import app
 from tests.host.stepped import connect
 
 

@@ -20,9 +20,9 @@ import omniwheel.robot
 from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
+from omni.cli import app
+from omni.cli.monitor import view
 from omniwheel import FirmwareProcess, Robot, connect
-from omniwheel.cli import app
-from omniwheel.cli.monitor import view
 from omniwheel.dialect import mavlink
 from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, find_sensors, told_of_sensors
 from omniwheel.sensor_quality import (

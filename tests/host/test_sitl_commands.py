@@ -16,9 +16,9 @@ from typing import Any
 
 import pytest
 
-from omniwheel.cli.sitl_commands import LONGEST_LINE, lines_of
+from omni.cli.sitl_commands import LONGEST_LINE, lines_of
 
-COMMAND = [sys.executable, "-m", "omniwheel", "sitl", "--commands", "--end-with-stdin", "--port", "0", "--json"]
+COMMAND = [sys.executable, "-m", "omni", "sitl", "--commands", "--end-with-stdin", "--port", "0", "--json"]
 PULLED = {"fault": "encoder_stuck", "wheel": 1}
 
 

@@ -13,7 +13,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
+from omni.studio.log_frames import record_starts
+from omni.studio.recorded_log import RecordedLog
+from omni.studio.samples import SampleStore
+from omni.studio.spectra import TooFewSamplesError, spectrum
 from omniwheel.dialect import mavlink
 from omniwheel.drive_log.record import read_record, record_of
 from omniwheel.errors import LogError
@@ -21,10 +25,6 @@ from omniwheel.identification.sources import read_dataset
 from omniwheel.log_sources import open_log, read_tlog
 from omniwheel.replay import replay
 from omniwheel.robots import read_robot
-from omniwheel.studio.log_frames import record_starts
-from omniwheel.studio.recorded_log import RecordedLog
-from omniwheel.studio.samples import SampleStore
-from omniwheel.studio.spectra import TooFewSamplesError, spectrum
 from omniwheel.telemetry import Tracking, decode
 from omniwheel.tlog_reader import STAMP, RobotClock, TlogReader
 
@@ -162,7 +162,7 @@ def test_live_samples_are_not_joined_across_a_restart_that_brings_the_clock_near
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     store, now_s = SampleStore(), [100.0]
-    monkeypatch.setattr("omniwheel.studio.samples.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("omni.studio.samples.time.monotonic", lambda: now_s[0])
     times_s = []
     for robot_ms, went_s in ((3000, 0.0), (3050, 0.05), (3900, 10.0), (3950, 0.05)):
         now_s[0] += went_s

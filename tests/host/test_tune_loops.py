@@ -13,7 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 import omniwheel.robot
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.errors import LimitError
 from omniwheel.experiments import PositionPlan, WheelPlan
 from omniwheel.experiments.repeated import Loop, Signal, common

@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel import cli
-from omniwheel.cli.common import parse_assignments
+from omni import cli
+from omni.cli.common import parse_assignments
 from omniwheel.errors import HistoryError, OutputPathError
 from omniwheel.flashing.source import core_dir
 from omniwheel.history import RobotHistory, history_file

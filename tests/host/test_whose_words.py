@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
+from omni.studio.log_frames import Clock, read_piece
 from omniwheel import Robot, connect
 from omniwheel.dialect import HUB_COMPONENT, mavlink
 from omniwheel.drive_log.record import record_of
 from omniwheel.errors import ArmingRefusedError, LinkTimeoutError, ParameterRefusedError
-from omniwheel.studio.log_frames import Clock, read_piece
 from omniwheel.telemetry import Heartbeat, Tracking
 from omniwheel.timesync import TimeSync
 

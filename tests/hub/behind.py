@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from omniwheel.hub.core import Hub
+from omni.hub.core import Hub
 from tests.hub.bench import WIDE
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from omni.hub.core import Hub, HubSettings
 from omniwheel.dialect import HUB_COMPONENT, TRIAL_ASK, TRIAL_BEGIN, mavlink
-from omniwheel.hub.core import Hub, HubSettings
 from omniwheel.signing import Signer
 
 TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
@@ -148,7 +148,7 @@ class Bench:
 
     def _answer(self, message: Any) -> None:
         if self.answers and message.get_type() == "COMMAND_LONG":
-            from omniwheel.hub.rules import receipt_of
+            from omni.hub.rules import receipt_of
 
             whom = (message.get_srcSystem(), message.get_srcComponent())
             receipt = receipt_of(message)

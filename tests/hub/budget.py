@@ -11,9 +11,9 @@ import random
 import sys
 from dataclasses import dataclass
 
+from omni.hub.addresses import SHARE, radio_budget
+from omni.hub.core import HubSettings
 from omniwheel.dialect import mavlink
-from omniwheel.hub.addresses import SHARE, radio_budget
-from omniwheel.hub.core import HubSettings
 from omniwheel.radio_model import BITS_PER_BYTE, RadioDirection, RadioSettings
 from omniwheel.signing import Signer
 from tests.hub.bench import ARM, Bench, beat, command, set_point

@@ -8,9 +8,9 @@ from unittest.mock import patch
 
 import pytest
 
+from omni.hub.addresses import WIDE_BYTES_S, budget_of, is_local, listen_address
+from omni.hub.server import HubServer, short_name
 from omniwheel.errors import LinkOpenError, LinkUrlError
-from omniwheel.hub.addresses import WIDE_BYTES_S, budget_of, is_local, listen_address
-from omniwheel.hub.server import HubServer, short_name
 from omniwheel.limits import HUB_LISTEN
 from omniwheel.ports import Port
 
@@ -60,7 +60,7 @@ def test_an_address_that_is_taken_is_said(own_places: None) -> None:
 )
 def test_a_serial_port_is_a_radio_of_its_rate_unless_it_is_usb(url: str, path: str, bytes_s: float) -> None:
     ports = [Port("/dev/ttyACM0", "", "teensy", "12"), Port("/dev/ttyUSB0", "", "xbee", "A1")]
-    with patch("omniwheel.hub.addresses.serial_ports", lambda: ports):
+    with patch("omni.hub.addresses.serial_ports", lambda: ports):
         assert budget_of(url, path).bytes_s == pytest.approx(bytes_s)
 
 
@@ -74,5 +74,5 @@ def test_the_same_usb_device_is_taken_under_its_new_name(own_places: None, tmp_p
     with HubServer(f"{tmp_path}/ttyACM0", ["tcp:127.0.0.1:0"]) as server:
         server._serial_number = "12"
         ports = [Port("/dev/ttyACM7", "", "teensy", "12"), Port("/dev/ttyACM8", "", "teensy", "13")]
-        with patch("omniwheel.hub.server.serial_ports", lambda: ports):
+        with patch("omni.hub.server.serial_ports", lambda: ports):
             assert server._url_now() == "/dev/ttyACM7,57600"

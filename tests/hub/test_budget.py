@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from omni.hub.addresses import SHARE
+from omni.hub.core import HubSettings
 from omniwheel.dialect import mavlink
-from omniwheel.hub.addresses import SHARE
-from omniwheel.hub.core import HubSettings
 from omniwheel.robots import parameter_table
 from tests.hub.bench import ARM, LATER, Bench, beat, command, set_point
 from tests.hub.budget import BAUD, Result, run

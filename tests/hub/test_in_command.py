@@ -5,10 +5,10 @@ from __future__ import annotations
 
 import pytest
 
+from omni.hub.in_command import ENDED_PAUSE_S, IDLE_S, PAUSE_S
+from omni.hub.outbox import STALE_S
 from omniwheel.dialect import mavlink
 from omniwheel.hub import notices
-from omniwheel.hub.in_command import ENDED_PAUSE_S, IDLE_S, PAUSE_S
-from omniwheel.hub.outbox import STALE_S
 from tests.hub.bench import ACCEPTED, ARM, DENIED, LATER, Bench, Station, beat, command, set_point
 
 STOPS = {

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from omni.hub.frame_finder import SILENCE_S, FrameFinder
+from omni.hub.rules import Kind, kind_of
 from omniwheel.dialect import mavlink
-from omniwheel.hub.frame_finder import SILENCE_S, FrameFinder
-from omniwheel.hub.rules import Kind, kind_of
 from tests.hub.bench import ARM, Bench, beat, command, set_point
 
 ESTOP = mavlink.MAV_CMD_OMNI_ESTOP

@@ -18,7 +18,7 @@ from tests.hub.parts import PROGRAM, WAIT_S, Cable
 
 OUR_HUBS = {
     "omni link": (PROGRAM, "link", "--listen", "tcp:127.0.0.1:0", "--link"),
-    "in the background": (sys.executable, "-m", "omniwheel.hub.background"),
+    "in the background": (sys.executable, "-m", "omni.hub.background"),
 }
 
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from omni.hub.server import HubServer
 from omniwheel.errors import LinkOpenError
 from omniwheel.hub import places
-from omniwheel.hub.server import HubServer
 from omniwheel.hub.shared_link import open_shared, program_name
 
 HOLDER = """

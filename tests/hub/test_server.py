@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 from pymavlink import mavutil
 
+from omni.hub import clients
+from omni.hub.server import SLOWEST_REOPEN_S, HubServer
 from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkOpenError
-from omniwheel.hub import clients
-from omniwheel.hub.server import SLOWEST_REOPEN_S, HubServer
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.link import LinkAddress
 from tests.hub.bench import ARM, Bench, beat, command, set_point

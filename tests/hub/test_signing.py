@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
+from omni.hub import wire
 from omniwheel.connection import Connection
 from omniwheel.dialect import mavlink
-from omniwheel.hub import wire
 from omniwheel.signing import Signer
 from tests.hub.bench import ARM, WIDE, Bench, Station, beat, command
 

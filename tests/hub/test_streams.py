@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from mavlink_dialect import telemetry_table
+from omni.hub.boot_rates import STATE, STATUS, WHEELS, messages_of
 from omniwheel.dialect import mavlink
-from omniwheel.hub.boot_rates import STATE, STATUS, WHEELS, messages_of
 from tests.hub.bench import ACCEPTED, Bench, Station, command
 
 LINK = Path(__file__).resolve().parents[2] / "shared" / "link"

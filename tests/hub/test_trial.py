@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
+from omni.hub.rules import receipt_of
 from omniwheel.dialect import HUB_COMPONENT, TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, mavlink
-from omniwheel.hub.rules import receipt_of
 from omniwheel.robots import parameter_table
 from tests.hub.bench import ACCEPTED, DENIED, LATER, TRIAL, Bench, Station, beat, command
 

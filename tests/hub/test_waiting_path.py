@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
+from omni.hub.in_command import IDLE_S
 from omniwheel.dialect import HUB_COMPONENT, mavlink
-from omniwheel.hub.in_command import IDLE_S
 from tests.hub.bench import ARM, Bench, Station, beat, command
 
 START, STOP = mavlink.MAV_CMD_OMNI_TRAJECTORY_START, mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP

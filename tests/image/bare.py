@@ -11,13 +11,11 @@ from pathlib import Path
 
 import unicorn
 
-from hil_sim.rt1062 import Wiring
+from emulated_teensy.machine import NOTHING_WIRED, Options, Wiring, chip_config
+from hil_sim.teensy import RobotCircuit
 from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from tests.image.assembly import RAM, Program
-
-UNCONNECTED = lib.RT1062_NO_PIN
-NOTHING_WIRED = Wiring()
 
 
 def unicorn_library() -> Path:
@@ -77,22 +75,14 @@ def running(
     world: World | None = None,
 ) -> Iterator[Bare]:
     """Power the chip on with this program in its flash memory and a world at its pins."""
-    config = ffi.new("rt1062_config_t *")
-    config.instruction_ns, config.exact, config.strict, config.seed = instruction_ns, exact, True, seed
-    config.words = True
-    for wheel, pins in enumerate(config.encoder_pin):
-        pins[0], pins[1] = (
-            wiring.encoder_pins[wheel] if wheel < len(wiring.encoder_pins) else (UNCONNECTED, UNCONNECTED)
-        )
-    config.output_enable_pin = UNCONNECTED if wiring.output_enable_pin is None else wiring.output_enable_pin
-    config.stop_button_pin = UNCONNECTED if wiring.stop_button_pin is None else wiring.stop_button_pin
-    config.battery_pin = UNCONNECTED if wiring.battery_pin is None else wiring.battery_pin
-    config.battery_divider = wiring.battery_divider
+    config = chip_config(wiring, Options(instruction_ns=instruction_ns, exact=exact, words=True, seed=seed))
     why = ffi.new("char[]", lib.RT1062_TEXT)
     machine = lib.rt1062_new(str(unicorn_library()).encode(), config, why, lib.RT1062_TEXT)
     assert machine != ffi.NULL, ffi.string(why)
     try:
-        lib.rt1062_attach(machine, ffi.NULL if world is None else world.c)
+        circuit = RobotCircuit(world, wiring) if world is not None else None
+        if circuit is not None:
+            circuit.attach(machine)
         ffi.memmove(lib.rt1062_flash(machine), program.flash, len(program.flash))
         assert lib.rt1062_power_on(machine), ffi.string(lib.rt1062_why(machine))
         yield Bare(machine, program, int(lib.rt1062_time_ns(machine)))

@@ -9,11 +9,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil_sim.rt1062 import Wiring
+from emulated_teensy.machine import NOTHING_WIRED, Wiring
 from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from tests.image.assembly import Program, assemble
-from tests.image.bare import NOTHING_WIRED, Bare, running
+from tests.image.bare import Bare, running
 
 _PARK_IN_RAM = """
 main:

@@ -13,7 +13,7 @@ from tests.image import flashed
 from tests.needs import need
 
 if TYPE_CHECKING:  # these need the emulator, which other tests of this folder do without
-    from hil_sim.image_file import Image
+    from emulated_teensy.image_file import Image
     from tests.image.assembly import Program
     from tests.image.chip import Chip
 
@@ -30,7 +30,7 @@ def image() -> Path:
 @pytest.fixture(scope="session")
 def flashed_image(image: Path) -> Image:
     """The same, read."""
-    from hil_sim.image_file import read_image
+    from emulated_teensy.image_file import read_image
 
     return read_image(image)
 

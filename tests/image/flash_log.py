@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import struct
 
-from hil_sim.rt1062 import Machine, Stop
+from emulated_teensy.machine import Machine, Stop
 
 _DATA, _DATA_SIZE = 0x20000000, 0x40000
 _BYTES_IN, _BYTES_OUT = 0x20250000, 0x20258000

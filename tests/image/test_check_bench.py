@@ -11,10 +11,10 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_check.bench import Bench, CheckError, Context, MachineLink
-from hil_sim.image_file import Image
-from hil_sim.rt1062 import STACK_END, Channel, FindingKind, Stop
+from emulated_teensy.image_file import Image
+from emulated_teensy.machine import STACK_END, Channel, FindingKind, Stop
 from hil_sim.scenario import load_scenario
+from image_check.bench import Bench, CheckError, Context, MachineLink
 from omniwheel.errors import LinkLostError
 from tests.image.assembly import assemble
 

@@ -13,12 +13,15 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from emulated_teensy.image_file import read_image
+from emulated_teensy.machine import Channel
 from hil_sim.fault_bench import run_case as run_on_the_bench
 from hil_sim.fault_cases import CASES, FaultCase
-from hil_sim.image_check import edges, fault_loop, unplug
-from hil_sim.image_check.bench import Bench, CheckError, Context
-from hil_sim.image_check.check import Check
-from hil_sim.image_check.faults import (
+from hil_sim.scenario import load_scenario
+from image_check import edges, fault_loop, unplug
+from image_check.bench import Bench, CheckError, Context
+from image_check.check import Check
+from image_check.faults import (
     BATTERY,
     BUTTON,
     EXTRA,
@@ -29,10 +32,7 @@ from hil_sim.image_check.faults import (
     on_the_floor,
     run_case,
 )
-from hil_sim.image_check.run import all_checks
-from hil_sim.image_file import read_image
-from hil_sim.rt1062 import Channel
-from hil_sim.scenario import load_scenario
+from image_check.run import all_checks
 
 KNOWN = {case.name: case for case in (*CASES, *EXTRA)}
 AT_THE_PINS = [name for name in KNOWN if name not in (*NOT_AT_THE_PINS, *BATTERY, BUTTON)]

@@ -10,10 +10,10 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_check import kept
-from hil_sim.image_check.bench import Bench, CheckError, Context
-from hil_sim.image_file import read_image
+from emulated_teensy.image_file import read_image
 from hil_sim.scenario import load_scenario
+from image_check import kept
+from image_check.bench import Bench, CheckError, Context
 from omniwheel.robots import find_robot_file
 
 ROBOT = "three_wheel"

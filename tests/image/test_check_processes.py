@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from hil_sim.image_check import run
-from hil_sim.image_check.apart import Died, call_apart
-from hil_sim.image_check.bench import Context
-from hil_sim.image_check.check import Check
-from hil_sim.image_check.run import outcome_page, run_checks
+from image_check import run
+from image_check.apart import Died, call_apart
+from image_check.bench import Context
+from image_check.check import Check
+from image_check.run import outcome_page, run_checks
 from omniwheel.errors import FirmwareStartError
 from tests.image.flashed import image_path
 from tests.needs import need

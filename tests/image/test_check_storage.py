@@ -13,14 +13,14 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_check.bench import CheckError, Context
-from hil_sim.image_check.hangs import crash, watchdog
-from hil_sim.image_check.power import power_cuts
-from hil_sim.image_check.restarts import reboots
-from hil_sim.image_check.signing import signing_clock
-from hil_sim.image_check.storage import saves
-from hil_sim.image_file import FLASH_BASE, Image, read_image
+from emulated_teensy.image_file import FLASH_BASE, Image, read_image
 from hil_sim.scenario import load_scenario
+from image_check.bench import CheckError, Context
+from image_check.hangs import crash, watchdog
+from image_check.power import power_cuts
+from image_check.restarts import reboots
+from image_check.signing import signing_clock
+from image_check.storage import saves
 
 Run = Callable[[Context], list[str]]
 RETURN_0 = struct.pack("<2H", 0x2000, 0x4770)

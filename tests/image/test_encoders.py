@@ -12,8 +12,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from emulated_teensy.machine import Wiring
 from hil_sim.faults import Fault
-from hil_sim.rt1062 import Wiring
 from hil_sim.world import World
 from omniwheel._core import lib
 from tests.image.assembly import Program

@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from emulated_teensy.machine import Wiring
 from hil_sim.faults import Fault
-from hil_sim.rt1062 import Wiring
 from omniwheel._core import lib
 from tests.image.assembly import Program
 from tests.image.chip import Chip, parked

@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.i2c_wave import LIMITS, START, STOP, Wave, edges_of, read_wave, violations
+from emulated_teensy.i2c_wave import LIMITS, START, STOP, Wave, edges_of, read_wave, violations
 from hil_sim.world import World
 from omniwheel._core import ffi, lib
 from tests.image.assembly import Program

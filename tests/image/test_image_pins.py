@@ -12,10 +12,11 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from emulated_teensy.i2c_wave import LIMITS, START, STOP, Edge, read_wave, violations
+from emulated_teensy.image_file import Image
+from emulated_teensy.machine import Stop
 from hil_sim.faults import Fault
-from hil_sim.i2c_wave import LIMITS, START, STOP, Edge, read_wave, violations
-from hil_sim.image_file import Image
-from hil_sim.rt1062 import Machine, Stop, wiring_of
+from hil_sim.teensy import Teensy, wiring_of
 from hil_sim.world import World
 from omniwheel._core import ffi
 from omniwheel.robots import read_robot
@@ -36,7 +37,7 @@ SPEED = 25.132741
 class Robot:
     """The image running, with a world at its pins."""
 
-    machine: Machine
+    machine: Teensy
     world: World
 
     def run(self, duration_s: float) -> None:
@@ -83,7 +84,7 @@ class Robot:
 
 
 def start(flashed_image: Image, world: World) -> Robot:
-    machine = Machine(flashed_image, wiring=wiring_of(read_robot("three_wheel")), world=world)
+    machine = Teensy(flashed_image, wiring=wiring_of(read_robot("three_wheel")), world=world)
     machine.power_on()
     return Robot(machine, world)
 

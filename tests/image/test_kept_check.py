@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_sim.image_file import FLASH_BASE, read_image
+from emulated_teensy.image_file import FLASH_BASE, read_image
 from tests import kept
 from tests.image import flashed
 from tests.image_build import kept_check
@@ -57,12 +57,12 @@ def test_the_bytes_of_a_variable_are_found_where_they_lie_in_flash_memory(elf_fi
 def test_checks_and_simulated_world_are_among_what_counts() -> None:
     names = {path.relative_to(kept.ROOT).as_posix() for path in kept_check.python_code()}
     assert {
-        "hil_sim/image_check/storage.py",
-        "hil_sim/rt1062.py",
+        "image_check/storage.py",
+        "emulated_teensy/machine.py",
         "host/omniwheel/robot.py",
         "tests/image/static/stack.py",
     } <= names
-    assert not {name for name in names if name.startswith(("host/omniwheel/cli", "host/omniwheel/studio"))}
+    assert not {name for name in names if name.startswith(("host/omni/cli", "host/omni/studio"))}
 
 
 def test_a_command_runs_until_it_has_passed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from hil_sim.image_check.run import all_checks
+from image_check.run import all_checks
 from tests.image.planted.bugs import KIT, ROOT, Bug, Tree, all_bugs, read_bug
 from tests.image.planted.page import PAGE, filled_in, finders, table
 from tests.image.planted.search import Result, Search

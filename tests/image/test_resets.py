@@ -12,9 +12,10 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from emulated_teensy.machine import DEFAULT_OPTIONS, NOTHING_WIRED, chip_config
 from omniwheel._core import ffi, lib
 from tests.image.assembly import Program
-from tests.image.bare import UNCONNECTED, unicorn_library
+from tests.image.bare import unicorn_library
 from tests.image.chip import Chip, parked, parked_program
 
 SRSR, GPR5, AIRCR = 0x400F8008, 0x400F8030, 0xE000ED0C
@@ -107,11 +108,7 @@ def test_the_clock_cannot_be_set_while_it_runs(chip: Chip) -> None:
 
 def refusal(flash: bytes) -> str:
     """Return why the boot ROM would not start this."""
-    config = ffi.new("rt1062_config_t *")
-    config.instruction_ns = 10
-    for pins in config.encoder_pin:
-        pins[0] = pins[1] = UNCONNECTED
-    config.output_enable_pin = config.stop_button_pin = config.battery_pin = UNCONNECTED
+    config = chip_config(NOTHING_WIRED, DEFAULT_OPTIONS)
     why = ffi.new("char[]", lib.RT1062_TEXT)
     machine = lib.rt1062_new(str(unicorn_library()).encode(), config, why, lib.RT1062_TEXT)
     try:

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_file import read_image
-from hil_sim.rt1062 import Channel, FindingKind, Machine, Snapshot, Stop
+from emulated_teensy.image_file import read_image
+from emulated_teensy.machine import Channel, FindingKind, Machine, Snapshot, Stop
 from omniwheel.errors import FirmwareImageError
 
 BOOT_s = 0.9

@@ -11,8 +11,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_file import read_image
-from hil_sim.rt1062 import FindingKind, Machine, Snapshot
+from emulated_teensy.image_file import read_image
+from emulated_teensy.machine import FindingKind, Machine, Snapshot
 from omniwheel.errors import FirmwareImageError
 from tests.image.flash_log import ImageLog
 

@@ -13,7 +13,7 @@ pytest.importorskip("networkx")
 
 from unicorn import UC_ARCH_ARM, UC_HOOK_CODE, UC_MODE_MCLASS, UC_MODE_THUMB, Uc, arm_const
 
-from hil_sim.image_file import read_image
+from emulated_teensy.image_file import read_image
 from tests.image.static.calls import Calls
 from tests.image.static.code import CodeError, Function, Program
 from tests.image.static.longest import Longest, Loop, blocks_of, loops_of, most_turns

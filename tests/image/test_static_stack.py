@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("capstone")
 
-from hil_sim.image_file import read_image
+from emulated_teensy.image_file import read_image
 from tests.image import flashed
 from tests.image.static.calls import Calls
 from tests.image.static.code import CodeError, Program

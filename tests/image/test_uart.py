@@ -8,8 +8,8 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
-from hil_sim.image_file import Image
-from hil_sim.rt1062 import Channel, FindingKind, Machine, Wiring
+from emulated_teensy.image_file import Image
+from emulated_teensy.machine import Channel, FindingKind, Machine, Wiring
 from omniwheel._core import ffi, lib
 from tests.image.chip import Chip
 

@@ -12,9 +12,9 @@ import pytest
 pytest.importorskip("unicorn")
 pytest.importorskip("elftools")
 
+from emulated_teensy.image_file import Image
+from emulated_teensy.machine import Channel, Machine, Snapshot, Stop
 from hil_sim.frame_watch import FrameWatch
-from hil_sim.image_file import Image
-from hil_sim.rt1062 import Channel, Machine, Snapshot, Stop
 from hil_sim.telemetry_compare import frames
 from omniwheel._core import lib
 from omniwheel.dialect import mavlink

@@ -18,18 +18,21 @@ from pathlib import Path
 
 import grimp
 
-from hil_sim.image_check.run import MODULES
-from hil_sim.image_file import FLASH_BASE, Image, read_image
+from emulated_teensy.image_file import FLASH_BASE, Image, read_image
+from image_check.run import MODULES
 from tests import kept
 from tests.proof.frama_c import without_comments
 
 ROOT = kept.ROOT
 BUILD_ID = "_ZN4omni8build_idE"
 PACKAGES = ("capstone", "numpy", "pyelftools", "unicorn")
-PYTHON = ("hil_sim", "omniwheel", "omni_schema")
+PYTHON = ("emulated_teensy", "hil_sim", "image_check", "omniwheel", "omni_schema")
 GENERATED = "omniwheel.telemetry_gen"
 C_SUFFIXES = (".c", ".h", ".cpp", ".hpp")
-C_FOLDERS = ("shared/core", "shared/link", "hil_sim", "host/native", "firmware/boards/common", "firmware/boards/posix")
+C_FOLDERS = (
+    *("shared/core", "shared/link", "emulated_teensy", "hil_sim", "host/native"),
+    *("firmware/boards/common", "firmware/boards/posix"),
+)
 """The simulated world, and the PC's firmware, with which the check `path` compares."""
 SHARED = ("params.toml", "world.toml", "robots", "link", "generate")
 DATA = (*(f"shared/{name}" for name in SHARED), "hil_sim/scenarios")
@@ -56,11 +59,11 @@ def image_content(path: Path) -> bytes:
 def python_code() -> list[Path]:
     """Return the modules that the checks can import, those within functions, too."""
     graph = grimp.build_graph(*PYTHON, cache_dir=None)
-    names = {f"hil_sim.image_check.{name}" for name in MODULES}
+    names = {f"image_check.{name}" for name in MODULES}
     for name in sorted(names):
         names |= graph.find_upstream_modules(name)
-    places = {"hil_sim": ROOT, "omniwheel": ROOT / "host", "omni_schema": ROOT / "shared" / "generate"}
-    stems = [places[name.partition(".")[0]] / name.replace(".", "/") for name in sorted(names - {GENERATED})]
+    places = {"omniwheel": ROOT / "host", "omni_schema": ROOT / "shared" / "generate"}
+    stems = [places.get(name.partition(".")[0], ROOT) / name.replace(".", "/") for name in sorted(names - {GENERATED})]
     found = [path for stem in stems for path in (stem.with_suffix(".py"), stem / "__init__.py") if path.is_file()]
     assert len(found) == len(stems), "a module without a file"
     return [*found, *sorted((ROOT / STATIC).iterdir(), key=str)]

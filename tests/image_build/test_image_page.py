@@ -3,12 +3,12 @@
 
 from __future__ import annotations
 
-from hil_sim.image_check import page
+from image_check import page
 
 
 def test_the_page_is_what_the_code_says() -> None:
     text = page.PAGE.read_text(encoding="utf-8")
-    assert page.filled_in(text) == text, "write it anew: python -m hil_sim.image_check.page --write"
+    assert page.filled_in(text) == text, "write it anew: python -m image_check.page --write"
 
 
 def test_a_page_that_is_behind_is_noticed() -> None:

@@ -29,7 +29,12 @@ SITE = OUT / "site"
 CORE_LIBRARY = "libomni_core_under_test.so"
 COMPILER = Path(__file__).with_name("compiler.sh")
 COMPILE_TIMEOUT_S = 120
-PACKAGES = {"omniwheel": "host", "hil_sim": ".", "omni_reproduce": ".", "omni_schema": "shared/generate"}
+PACKAGES = {
+    "omniwheel": "host",
+    "omni": "host",
+    "omni_schema": "shared/generate",
+    **dict.fromkeys(("bench", "emulated_teensy", "hil_sim", "image_check", "omni_reproduce"), "."),
+}
 
 FIRMWARE_RUNS = (
     "tests/hil_sim/test_lockstep.py",
@@ -262,7 +267,10 @@ def prepare_site() -> None:
     core = Builder(areas()["core"])
     library = SITE / CORE_LIBRARY
     shutil.copy(core.link({}), library)
-    parts = ["host/native/CMakeFiles/_core.dir/_core.c.o", "hil_sim/libhil_sim.a", "shared/link/libomni_link.a"]
+    parts = [
+        *("host/native/CMakeFiles/_core.dir/_core.c.o", "hil_sim/libhil_sim.a"),
+        *("emulated_teensy/libemulated_teensy.a", "shared/link/libomni_link.a"),
+    ]
     extension.unlink()
     inputs = [*(str(build / part) for part in parts), str(library)]
     run(["c++", "-shared", *inputs, f"-Wl,-rpath,{SITE}", "-lm", "-ldl", "-o", str(extension)])

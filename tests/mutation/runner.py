@@ -41,7 +41,17 @@ OPTIONS = (
     "--tb=no",
     "--assert=plain",
 )
-OURS = ("omniwheel", "hil_sim", "omni_reproduce", "omni_schema", "tests")
+OURS = (
+    "omniwheel",
+    "omni",
+    "bench",
+    "emulated_teensy",
+    "hil_sim",
+    "image_check",
+    "omni_reproduce",
+    "omni_schema",
+    "tests",
+)
 
 
 def use_quick_profile() -> None:

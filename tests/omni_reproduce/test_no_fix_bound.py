@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil_sim import no_fix_figures
+from bench.figures import no_fix as no_fix_figures
+from bench.figures import no_fix_bound
 from hil_sim.processes import worker_pool
 from hil_sim.world import IDEAL_WHEELS
-from omni_reproduce import no_fix_bound
 from omni_reproduce.posterior_bound import (
     STEP_S,
     UNKNOWN_M2,

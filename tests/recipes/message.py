@@ -16,7 +16,7 @@ _MONITOR = (
     OWN_PACKAGES
     + """
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app
+from omni.cli import app
 from typer.testing import CliRunner
 with FirmwareProcess("three_wheel") as process:
     words = ["monitor", "--message", "OMNI_SLIP", "--json", "--link", process.urls[0]]

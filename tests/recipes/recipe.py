@@ -200,7 +200,8 @@ class Scratch:
                 shutil.copytree(shared / name, site / "omniwheel" / name)
             (site / "omniwheel" / "dialects").symlink_to(build / "generated" / "dialects")
             (site / "omniwheel" / "bin").symlink_to(build / "firmware")
-            (site / "hil_sim").symlink_to(self.root / "hil_sim")
+            for package in ("emulated_teensy", "hil_sim", "image_check", "host/omni"):
+                (site / Path(package).name).symlink_to(self.root / package)
             (site / "omni_schema").symlink_to(shared / "generate" / "omni_schema")
             extension = next((build / "host" / "native").glob("_core*.*so"))
             shutil.copyfile(extension, site / "omniwheel" / extension.name)

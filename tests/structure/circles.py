@@ -26,7 +26,7 @@ class Together:
 
 
 TOGETHER = (
-    Together("hil_sim/rt1062", r".*", "machine", "one chip: each peripheral's state is a member of the machine's"),
+    Together("emulated_teensy/src", r".*", "machine", "one chip: each peripheral's state is a member of the machine's"),
     Together("hil_sim/src", r"parts", "world", "what the sources of the world share is the inside of world.h"),
     Together("shared/core", r"pose_ekf_motion", "pose_ekf", "the inside of pose_ekf.h, in two sources"),
     Together("hil_sim/src", r"filter_study_(?:lanes|parts)", "filter_study", "the inside of filter_study.h"),
@@ -35,6 +35,7 @@ TOGETHER = (
 FOLDERS: Mapping[str, str] = {
     "shared/core/include/omni": "shared/core",
     "shared/link/include/omni": "shared/link",
+    "emulated_teensy/include/emulated_teensy": "emulated_teensy/src",
     "hil_sim/include/hil_sim": "hil_sim/src",
 }
 """Where the sources of public headers are counted."""

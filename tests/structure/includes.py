@@ -93,16 +93,27 @@ AREAS: Mapping[str, tuple[str, ...]] = {
     "firmware/boards/common": ("firmware/app", *_ROOMS, CORE_API, "generated/link"),
     **{f"firmware/boards/{main.parent.name}": _BOARD for main in (ROOT / "firmware/boards").glob("*/main.cpp")},
     "firmware/boards/mps2_an500/base": (),  # the processor's own package: other programs of the tests stand on it, too
-    "hil_sim/include": (CORE_API, "shared/link", "generated/world"),
-    "hil_sim/src": ("hil_sim/include", CORE_API, "shared/link", "generated/link", "generated/world"),
-    "hil_sim/rt1062": ("hil_sim/include",),  # models of peripherals share nothing with the drivers that they test
+    "emulated_teensy/include": (),
+    "emulated_teensy/src": ("emulated_teensy/include",),  # shares nothing with the drivers that it tests
+    "hil_sim/include": ("emulated_teensy/include", CORE_API, "shared/link", "generated/world"),
+    "hil_sim/src": (
+        *("emulated_teensy/include", "hil_sim/include", CORE_API, "shared/link"),
+        *("generated/link", "generated/world"),
+    ),
     "hil_sim/lanes": ("hil_sim/include", "hil_sim/src", CORE_API, CORE, "generated/lanes", "generated/world"),
-    "host/native": ("hil_sim/include", CORE_API),
+    "host/native": ("emulated_teensy/include", "hil_sim/include", CORE_API),
 }
 """What stands on what. The longest name that fits a file is its area."""
 
 SEARCHED = (
-    *(CORE_API, "shared/link/include", "hil_sim/include", "firmware", "firmware/boards/mps2_an500"),
+    *(
+        CORE_API,
+        "shared/link/include",
+        "emulated_teensy/include",
+        "hil_sim/include",
+        "firmware",
+        "firmware/boards/mps2_an500",
+    ),
     *("hil_sim/src", "hil_sim/lanes", CORE),
 )
 """Where a header is looked for after the including file's own folder."""

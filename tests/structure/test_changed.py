@@ -20,7 +20,7 @@ def has(tests: list[str], file: str) -> bool:
 
 @pytest.mark.full
 def test_a_python_module_brings_the_tests_that_import_it_at_any_distance() -> None:
-    tests = chosen("hil_sim/i2c_wave.py")  # tests/image reaches it through hil_sim.pins
+    tests = chosen("emulated_teensy/i2c_wave.py")  # tests/image reaches it through hil_sim.pins
     assert any(test.startswith("tests/image") for test in tests)
     assert not has(tests, "tests/core/test_pid.py")
 

@@ -17,8 +17,11 @@ import pytest
 from omniwheel import telemetry_gen
 from tests.native import ROOT
 
-PACKAGES = ("omni_schema", "omniwheel", "hil_sim", "omni_reproduce", "bench")
-FOLDERS = {"omniwheel": "host", "omni_schema": "shared/generate"}
+PACKAGES = (
+    *("omni_schema", "omniwheel", "omni", "emulated_teensy"),
+    *("hil_sim", "image_check", "omni_reproduce", "bench"),
+)
+FOLDERS = {"omniwheel": "host", "omni": "host", "omni_schema": "shared/generate"}
 """Where a package lies, if not at the top."""
 
 
@@ -61,9 +64,9 @@ def test_what_is_installed_needs_no_tests() -> None:
 
 
 PLANTED = {
-    "the API from the simulation": ("host/omniwheel/status.py", "hil_sim.world", "The Python API needs neither"),
-    "the simulation from the commands": ("hil_sim/runs.py", "omniwheel.cli.common", "Commands and benchmarks"),
-    "a module from one above it": ("host/omniwheel/link.py", "omniwheel.robot", "The Python API's modules"),
+    "the API from the simulation": ("host/omniwheel/status.py", "hil_sim.world", "The library needs neither"),
+    "the simulation from the commands": ("hil_sim/runs.py", "omni.cli.common", "Front ends and benchmarks"),
+    "a module from one above it": ("host/omniwheel/link.py", "omniwheel.robot", "The library's modules"),
     "a circle": ("omni_reproduce/loops.py", "omni_reproduce.table1", "No circles"),
 }
 

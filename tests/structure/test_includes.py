@@ -36,7 +36,11 @@ PLANTED = {
     "the app a board": (APP, '"boards/posix/options.h"', "firmware/app may include nothing but"),
     "the app the core's inside": (APP, '"math/math_inline.h"', "firmware/app may include nothing but"),
     "a board another": ("firmware/boards/posix/main.cpp", '"boards/teensy40/i2c.h"', "posix may include nothing but"),
-    "models of the chip the world": ("hil_sim/rt1062/gpio.c", '"../src/parts.h"', "rt1062 may include nothing but"),
+    "models of the chip the world": (
+        "emulated_teensy/src/gpio.c",
+        '"hil_sim/world.h"',
+        "src may include nothing but",
+    ),
     "the simulation the core's inside": (
         "hil_sim/src/run.c",
         '"tick/stages.h"',

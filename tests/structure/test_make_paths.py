@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-STUDIO = Path("host/omniwheel/studio")
+STUDIO = Path("host/omni/studio")
 # Leaves the files that the page takes from npm, as npm ci does.
 NPM = """#!/bin/sh
 mkdir -p node_modules/uplot/dist

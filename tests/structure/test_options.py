@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from omniwheel.cli.command_table import TABLE, load
+from omni.cli.command_table import TABLE, load
 from tests.structure.options import declarations, declared_twice, meanings
 
 MEANINGS = {

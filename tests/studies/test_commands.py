@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from hil_sim.scenario import load_scenario
 from hil_sim.studies.montecarlo import Plan, open_study, run_study
 from hil_sim.studies.pools import LocalPool
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.presets import read_preset
 from omniwheel.robots import parameter_table
 from tests.waiting import wait_until

@@ -65,7 +65,7 @@ class Program:
 @contextmanager
 def running(*words: str) -> Iterator[Program]:
     """Run an ``omni`` command that says in JSON when it is ready."""
-    command = [sys.executable, "-m", "omniwheel", *words, "--json"]
+    command = [sys.executable, "-m", "omni", *words, "--json"]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stdout is not None
     try:

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
+from omni.studio.actions import BadRequestError
+from omni.studio.bringup_walk import ALL, CONFIRM, SAW, WORDS, PagePerson, robot_file, wiring_picture
 from omniwheel.bringup.sequence import CHECKS
-from omniwheel.studio.actions import BadRequestError
-from omniwheel.studio.bringup_walk import ALL, CONFIRM, SAW, WORDS, PagePerson, robot_file, wiring_picture
 from tests.studio.parts import Opener, Program, until
 
 

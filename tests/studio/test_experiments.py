@@ -16,9 +16,9 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 from websockets.sync.client import ClientConnection, connect
 
+from omni.studio.experiments import KINDS, Experiment, Wanted
+from omni.studio.session import Session
 from omniwheel.robots import read_robot
-from omniwheel.studio.experiments import KINDS, Experiment, Wanted
-from omniwheel.studio.session import Session
 from tests.studio.parts import NIGHTLY, Opener, Program, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url
 from tests.waiting import wait_until

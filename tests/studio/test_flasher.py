@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from omniwheel.studio.actions import BadRequestError
-from omniwheel.studio.flasher import Firmware, Flasher, firmware_of
+from omni.studio.actions import BadRequestError
+from omni.studio.flasher import Firmware, Flasher, firmware_of
 from tests.host.hex_files import teensy_program, write_hex
 from tests.waiting import wait_until
 

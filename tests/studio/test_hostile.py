@@ -18,7 +18,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
-from omniwheel.studio.signals import possible_signals
+from omni.studio.signals import possible_signals
 from tests.studio.parts import Opener, Program, running, studio, until
 from tests.waiting import pass_time, receive_until, wait_until
 
@@ -216,7 +216,7 @@ def test_a_stop_by_another_program_shows_and_a_lost_robot_comes_back(tmp_path: P
             until(page, "document.getElementById('notice').textContent.startsWith('Stored')")
             page.click("#arm")
             until(page, "robot.armed")
-            subprocess.run([sys.executable, "-m", "omniwheel", "stop", "--link", link], check=True)
+            subprocess.run([sys.executable, "-m", "omni", "stop", "--link", link], check=True)
             until(page, "robot?.state === 'estop'")
         until(page, "state.link.phase === 'lost'")
         assert page.text_content("#faults")
@@ -257,7 +257,7 @@ def test_a_server_that_is_gone_is_said_and_found_again(open_page: Opener) -> Non
 def test_a_port_in_use_is_said() -> None:
     with studio() as program:
         port = program.url.split(":")[2].strip("/")
-        command = [sys.executable, "-m", "omniwheel", "studio", "--no-browser", "--port", port]
+        command = [sys.executable, "-m", "omni", "studio", "--no-browser", "--port", port]
         answer = subprocess.run(command, capture_output=True, text=True, check=False)
     assert answer.returncode == 1
     assert "cannot listen" in answer.stderr

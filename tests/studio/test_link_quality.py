@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from omni.studio.link_quality import ASK_S, OVER_S, LinkQuality
 from omniwheel.connection import Connection
 from omniwheel.dialect import mavlink
-from omniwheel.studio.link_quality import ASK_S, OVER_S, LinkQuality
 
 USB, RADIO = "tcp:127.0.0.1:5760", "/dev/ttyUSB0,9600"
 KNOWN = {"LINK1_BUDGET": 200000.0, "LINK2_BUDGET": 10000.0, "LINK2_BAUD": 9600.0}

@@ -11,16 +11,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from omni.studio.edits import Edits
+from omni.studio.link_quality import LinkQuality
+from omni.studio.samples import SampleStore
+from omni.studio.session import Session
+from omni.studio.signals import KINDS
+from omni.studio.studio import Studio
 from omni_schema import load_parameters
 from omniwheel.connection import Connection
 from omniwheel.paths import params_path
 from omniwheel.robot import Robot
-from omniwheel.studio.edits import Edits
-from omniwheel.studio.link_quality import LinkQuality
-from omniwheel.studio.samples import SampleStore
-from omniwheel.studio.session import Session
-from omniwheel.studio.signals import KINDS
-from omniwheel.studio.studio import Studio
 from omniwheel.telemetry import decode
 from tests.long_lines import ROUND_S, SilentLink, blank, growth
 

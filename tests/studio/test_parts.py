@@ -16,22 +16,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from omni.studio.access import Access
+from omni.studio.edits import Edits
+from omni.studio.marks import Marks
+from omni.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
+from omni.studio.server import StudioServer
+from omni.studio.session import Session, _Silence
+from omni.studio.signals import KINDS, all_signals, signals_of, values
+from omni.studio.studio import Studio
+from omni.studio.urgent_link import UrgentLink
+from omni.studio.work_queue import SETPOINT, STOP, WorkQueue
 from omni_schema import load_parameters
 from omniwheel.connection import Connection
 from omniwheel.errors import LinkError, OtherRobotError, ParameterError
 from omniwheel.frames import Pose, Twist
 from omniwheel.paths import params_path
 from omniwheel.robot import Robot
-from omniwheel.studio.access import Access
-from omniwheel.studio.edits import Edits
-from omniwheel.studio.marks import Marks
-from omniwheel.studio.samples import CAPACITY, SAMPLES_SINCE, SampleStore, Trace, packed, thinned
-from omniwheel.studio.server import StudioServer
-from omniwheel.studio.session import Session, _Silence
-from omniwheel.studio.signals import KINDS, all_signals, signals_of, values
-from omniwheel.studio.studio import Studio
-from omniwheel.studio.urgent_link import UrgentLink
-from omniwheel.studio.work_queue import SETPOINT, STOP, WorkQueue
 from omniwheel.telemetry import Battery, GyroState, Tracking, Wheels
 from tests.studio.parts import run_async
 
@@ -407,8 +407,8 @@ def test_an_error_of_its_own_does_not_end_the_robots_thread(monkeypatch: pytest.
         opened.release()
         raise ZeroDivisionError("planted")
 
-    monkeypatch.setattr("omniwheel.studio.session.open_shared", broken)
-    monkeypatch.setattr("omniwheel.studio.session.RETRY_S", 0.01)
+    monkeypatch.setattr("omni.studio.session.open_shared", broken)
+    monkeypatch.setattr("omni.studio.session.RETRY_S", 0.01)
     session = Session("nowhere")
     session.start()
     for _ in range(3):

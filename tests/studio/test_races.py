@@ -15,12 +15,12 @@ from playwright.sync_api import Page
 from starlette.websockets import WebSocketState
 
 import omniwheel
-from omniwheel.studio.access import Access
-from omniwheel.studio.outbox import Outbox
-from omniwheel.studio.server import StudioServer
-from omniwheel.studio.session import Session
-from omniwheel.studio.studio import Page as StudioPage
-from omniwheel.studio.studio import Studio
+from omni.studio.access import Access
+from omni.studio.outbox import Outbox
+from omni.studio.server import StudioServer
+from omni.studio.session import Session
+from omni.studio.studio import Page as StudioPage
+from omni.studio.studio import Studio
 from omniwheel.telemetry import StatusText
 from tests.studio.parts import Opener, Program, let_live, run_async, running, studio, until
 from tests.waiting import receive_until, wait_until
@@ -379,7 +379,7 @@ def test_a_page_gets_a_robots_tables_once_and_only_when_values_can_be_set(
         reached.set()
         go_on.wait(60.0)
 
-    monkeypatch.setattr("omniwheel.studio.session.set_rate", held)
+    monkeypatch.setattr("omni.studio.session.set_rate", held)
     link = str(tmp_path / "robot")
     studio_ = Studio(tmp_path)
     page = studio_.open_page()

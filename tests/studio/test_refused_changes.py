@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from websockets.sync.client import connect
 
+from omni.studio.flasher import Flasher, firmware_of
+from omni.studio.processors import IMAGE
+from omni.studio.session import Session
+from omni.studio.simulated import Simulation
+from omni.studio.studio import Page, Studio
 from omniwheel.errors import OmniError
-from omniwheel.studio.flasher import Flasher, firmware_of
-from omniwheel.studio.processors import IMAGE
-from omniwheel.studio.session import Session
-from omniwheel.studio.simulated import Simulation
-from omniwheel.studio.studio import Page, Studio
 from tests.studio.parts import studio
 from tests.studio.test_flasher import finished, stand_in
 from tests.studio.test_hostile import ask, socket_url

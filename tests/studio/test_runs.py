@@ -18,6 +18,16 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from omni.studio import reading, recorded_log
+from omni.studio import recording as recording_module
+from omni.studio.log_frames import AS_ARRAYS, Clock, read_piece
+from omni.studio.recorded_log import Overview, RecordedLog
+from omni.studio.recording import NOT_ENDED, Recorder, Recording
+from omni.studio.samples import SAMPLES_WINDOW
+from omni.studio.session import Session
+from omni.studio.signals import KINDS, values
+from omni.studio.urgent_link import UrgentLink
+from omni.studio.worker import MOST_WAITING, Worker
 from omni_schema import load_parameters
 from omniwheel.connection import Connection
 from omniwheel.drive_log.listing import list_runs
@@ -25,16 +35,6 @@ from omniwheel.errors import LinkLostError, LogError, OmniError, OutputFileError
 from omniwheel.identification.sources import read_messages
 from omniwheel.paths import params_path
 from omniwheel.robot import Robot
-from omniwheel.studio import reading, recorded_log
-from omniwheel.studio import recording as recording_module
-from omniwheel.studio.log_frames import AS_ARRAYS, Clock, read_piece
-from omniwheel.studio.recorded_log import Overview, RecordedLog
-from omniwheel.studio.recording import NOT_ENDED, Recorder, Recording
-from omniwheel.studio.samples import SAMPLES_WINDOW
-from omniwheel.studio.session import Session
-from omniwheel.studio.signals import KINDS, values
-from omniwheel.studio.urgent_link import UrgentLink
-from omniwheel.studio.worker import MOST_WAITING, Worker
 from omniwheel.telemetry import decode
 from tests.studio.recorded import GAIN, RATE_HZ, START_S, frames, write_run
 from tests.waiting import pass_time, wait_until

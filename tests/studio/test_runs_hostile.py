@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 from websockets.sync.client import connect
 
+from omni.studio import runs
+from omni.studio.runs import LARGEST_UPLOAD, MOST_UPLOADS
 from omniwheel.errors import LogError
-from omniwheel.studio import runs
-from omniwheel.studio.runs import LARGEST_UPLOAD, MOST_UPLOADS
 from tests.studio.parts import Program, run_async, studio
 from tests.studio.recorded import frames, write_run
 from tests.studio.test_hostile import ask, socket_url

@@ -13,8 +13,8 @@ import pytest
 from playwright.sync_api import Page, expect
 from websockets.sync.client import connect
 
+from omni.studio.session import PLOT_RATE_HZ, Session, begin_telemetry, end_telemetry, set_automatic_rate, set_rate
 from omniwheel.sensor_messages import RADIO_RATE_HZ
-from omniwheel.studio.session import PLOT_RATE_HZ, Session, begin_telemetry, end_telemetry, set_automatic_rate, set_rate
 from tests.studio.parts import WAIT_MS, Opener, Program, studio, take_over, until
 from tests.studio.test_hostile import socket_url
 from tests.waiting import receive_until

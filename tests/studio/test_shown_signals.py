@@ -12,18 +12,18 @@ from typing import Any, cast
 
 import pytest
 
+from omni.studio import reading
+from omni.studio.access import Access
+from omni.studio.actions import BadRequestError
+from omni.studio.outbox import Outbox
+from omni.studio.recorded_log import RecordedLog
+from omni.studio.server import StudioServer
+from omni.studio.session import Session
+from omni.studio.signals import UnknownSignalError, all_signals, possible_signals, require_possible
+from omni.studio.simulated_log import LOG_SIGNALS
+from omni.studio.spectra import TooFewSamplesError
+from omni.studio.studio import Page, Studio
 from omniwheel.sensor_quality import GYRO, SENSORS
-from omniwheel.studio import reading
-from omniwheel.studio.access import Access
-from omniwheel.studio.actions import BadRequestError
-from omniwheel.studio.outbox import Outbox
-from omniwheel.studio.recorded_log import RecordedLog
-from omniwheel.studio.server import StudioServer
-from omniwheel.studio.session import Session
-from omniwheel.studio.signals import UnknownSignalError, all_signals, possible_signals, require_possible
-from omniwheel.studio.simulated_log import LOG_SIGNALS
-from omniwheel.studio.spectra import TooFewSamplesError
-from omniwheel.studio.studio import Page, Studio
 from omniwheel.telemetry import GyroState, Tracking
 from tests.studio.parts import run_async
 from tests.studio.recorded import write_run

@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 
 from hil_sim.record import sample_dtype
+from omni.studio import reading
+from omni.studio.simulated_log import SimulatedLog
+from omni.studio.spectra import TooFewSamplesError
 from omniwheel.errors import LogError
 from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
-from omniwheel.studio import reading
-from omniwheel.studio.simulated_log import SimulatedLog
-from omniwheel.studio.spectra import TooFewSamplesError
 from tests.studio.parts import Opener, studio, until
 
 RATE_HZ, HUM_HZ = 100.0, 7.0

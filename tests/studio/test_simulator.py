@@ -13,8 +13,8 @@ import pytest
 from playwright.sync_api import Page
 from websockets.sync.client import connect
 
+from omni.studio.simulated import SimulatedRobot, Simulation
 from omniwheel.errors import LinkError
-from omniwheel.studio.simulated import SimulatedRobot, Simulation
 from tests.studio.parts import NIGHTLY, Opener, Program, running, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url
 from tests.studio.test_page import arm

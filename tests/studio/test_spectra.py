@@ -6,11 +6,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from omni.studio.bounds import SIGNAL_LIMITS, limit_of
+from omni.studio.samples import Trace
+from omni.studio.signals import all_signals
+from omni.studio.spectra import MOST_LINES, TooFewSamplesError, spectrum
 from omniwheel.robots import parameter_table
-from omniwheel.studio.bounds import SIGNAL_LIMITS, limit_of
-from omniwheel.studio.samples import Trace
-from omniwheel.studio.signals import all_signals
-from omniwheel.studio.spectra import MOST_LINES, TooFewSamplesError, spectrum
 
 
 def trace_of(time_s: np.ndarray, value: np.ndarray) -> Trace:

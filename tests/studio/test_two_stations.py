@@ -10,11 +10,11 @@ from typing import Any
 
 import pytest
 
+from omni.studio.actions import ACTIONS
+from omni.studio.session import Session
 from omniwheel.dialect import Message
 from omniwheel.errors import OmniError, StoppedError
 from omniwheel.robot import Robot
-from omniwheel.studio.actions import ACTIONS
-from omniwheel.studio.session import Session
 from tests.firmware.client import Client, Firmware, connect, firmware, mav
 from tests.studio.parts import Opener, running, studio, take_over, until
 from tests.waiting import wait_until

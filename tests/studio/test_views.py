@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
+from omni.studio.actions import BadRequestError
+from omni.studio.views import LONGEST_KEY, MOST_PLOTS, checked_view, read_view, view_file, write_view
 from omniwheel.errors import OutputFileError
-from omniwheel.studio.actions import BadRequestError
-from omniwheel.studio.views import LONGEST_KEY, MOST_PLOTS, checked_view, read_view, view_file, write_view
 from tests.studio.parts import Opener, Program, take_over, until
 
 PLOT = {"keys": ["tracking.pose.x"], "xy": False}

@@ -22,4 +22,4 @@ def test_the_wheel_holds_every_file_of_the_page(tmp_path: Path) -> None:
     inside = set(zipfile.ZipFile(wheel).namelist())
     files = [path for folder in ("page", "vendor") for path in (STUDIO / folder).iterdir() if path.is_file()]
     assert len(files) > 15
-    assert {f"omniwheel/studio/{path.relative_to(STUDIO).as_posix()}" for path in files} <= inside
+    assert {f"omni/studio/{path.relative_to(STUDIO).as_posix()}" for path in files} <= inside

@@ -10,8 +10,8 @@ from typing import Any
 import typer
 from rich.text import Text
 
+from omni.cli import app
 from omni_docs.markdown import code, escaped, page, table
-from omniwheel.cli import app
 
 
 def plain(marked: str | None) -> str:

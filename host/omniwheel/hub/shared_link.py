@@ -99,7 +99,7 @@ def _started_hub(port: str) -> str:
     key = default_key()
     with _opened_log(log) as output:
         hub = subprocess.Popen(
-            [sys.executable, "-m", "omniwheel.hub.background", str(owner.get("url", port))],
+            [sys.executable, "-m", "omni.hub.background", str(owner.get("url", port))],
             stdin=subprocess.PIPE,
             stdout=output,
             stderr=output,

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil_sim import core, flow_figures
+from bench.figures import flow as flow_figures
+from hil_sim import core
 from hil_sim.dispersion import Dispersion
 from hil_sim.faults import Fault
 from hil_sim.patches import FloorPatch

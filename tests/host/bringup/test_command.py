@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
 from omniwheel.bringup import Finding, Result
 from omniwheel.bringup.results_page import write_results
-from omniwheel.cli import app
 from tests.host.stepped import connect, robot
 
 runner = CliRunner()

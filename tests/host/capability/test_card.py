@@ -14,11 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
+from omni.cli import app
 from omniwheel.capability import card, drive_model, problems, sensor_warnings, warnings
 from omniwheel.capability.drive_model import Array
 from omniwheel.capability.observability import FIXES, FLOW, FLOW_TURN, GYRO, slip_rank, slip_words
 from omniwheel.capability.speeds import TURNING, acceleration_bounds, direction, motor_speed, top_speed
-from omniwheel.cli import app
 from omniwheel.errors import RobotFileError
 from omniwheel.robots import read_robot
 

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
+from omni.cli import app
 from omniwheel.capability import card, drive_model, problems, warnings
-from omniwheel.cli import app
 from omniwheel.datasheet import GearMotor, RobotAnswers, catalogue, find_motor, motor_model, write_designed_robot
 from omniwheel.datasheet.units import length_m, torque_N_m
 from omniwheel.errors import DataSheetError, RobotFileError

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from hil_sim.faults import Fault
 from hil_sim.pwm_robot import SimulatedArduino, SimulatedLink, SimulatedRobot
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.errors import HostControlStopError, LinkLostError, MocapLostError
 from omniwheel.frames import Pose
 from omniwheel.host_control import Goal, HostController, HostControlLoop, HostControlRun, HostControlSettings, PwmRadio

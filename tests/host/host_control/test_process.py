@@ -16,7 +16,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.host_control.pwm_line import STOP, STOP_LINES, parse_line
 
 FAKE = Path(__file__).parents[1] / "mocap" / "fake_vicon"
@@ -60,7 +60,7 @@ def test_a_signal_leaves_the_robot_stopped(number: signal.Signals) -> None:
     words = ["host-control", "pose", "0", "0", "0", "--source", "vicon:vicon.local/robot", "--link"]
     environment = {**os.environ, "PYTHONPATH": str(FAKE), "FAKE_VICON": "still"}
     with serial_line() as (robot, port):
-        command = [sys.executable, "-c", "from omniwheel.cli import main; main()", *words, port]
+        command = [sys.executable, "-c", "from omni.cli import main; main()", *words, port]
         with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True) as process:
             driving = read_until(robot, 60)
             process.send_signal(number)

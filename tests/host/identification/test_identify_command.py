@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.errors import RobotFileError
 from omniwheel.robot_text import edited
 from omniwheel.robots import read_robot

@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
-from omniwheel.cli.log_options import shares_of
+from omni.cli import app
+from omni.cli.log_options import shares_of
 from omniwheel.errors import LogError
 from omniwheel.logs.importer import ImportSummary, import_log
 from omniwheel.logs.log import WheelLog

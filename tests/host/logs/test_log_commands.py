@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.dialect import mavlink
 from omniwheel.robots import read_robot
 from tests.host.logs import synthetic

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from omni.cli import app
 from omni_schema import Robot
-from omniwheel.cli import app
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.log import WheelLog, save_log
 from omniwheel.logs.mapping import SAMPLE_THRESHOLD, Spikes, read_mapping

@@ -15,8 +15,8 @@ from typer.testing import CliRunner
 from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
+from omni.cli import app
 from omniwheel import FirmwareProcess, connect
-from omniwheel.cli import app
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError, SetpointError
 from omniwheel.frames import Pose

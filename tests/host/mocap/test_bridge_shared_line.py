@@ -38,7 +38,7 @@ def recording(tmp_path: Path) -> Path:
 def bridge(line: SharedLine, recording: Path, *words: str) -> subprocess.CompletedProcess[str]:
     command = ["mocap", "bridge", "--source", f"recorded:{recording}", "--link", line.url, "--json", *words]
     return subprocess.run(
-        [sys.executable, "-m", "omniwheel", *command], capture_output=True, text=True, check=False, timeout=LONGEST_S
+        [sys.executable, "-m", "omni", *command], capture_output=True, text=True, check=False, timeout=LONGEST_S
     )
 
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bench.figures.gyro import start_run
 from hil_sim.faults import Fault
-from hil_sim.gyro_figures import start_run
 from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess
 from omniwheel._core import lib

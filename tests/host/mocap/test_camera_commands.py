@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.errors import CameraError, MocapLibraryError, MocapSourceError
 from omniwheel.frames import Pose
 from omniwheel.limits import TAG_FAMILIES

@@ -18,8 +18,8 @@ import pytest
 from scipy import stats
 from typer.testing import CliRunner
 
+from omni.cli import app, mocap_latency
 from omniwheel import FirmwareProcess
-from omniwheel.cli import app, mocap_latency
 from omniwheel.errors import LinkTimeoutError, MocapLatencyError, MocapLostError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.mocap import Bridge, BridgeSettings, MocapPose

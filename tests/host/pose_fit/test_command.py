@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel.cli import app
+from omni.cli import app
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.mapping import read_mapping
 from omniwheel.robots import read_robot

@@ -13,10 +13,10 @@ import pytest
 import tomli_w
 from typer.testing import CliRunner
 
+from omni.cli import app
+from omni.cli.common import console
 from omni_schema import Robot, parse_robot
 from omni_schema.toml_file import read_toml
-from omniwheel.cli import app
-from omniwheel.cli.common import console
 from omniwheel.robots import find_robot_file, parameter_table, read_robot, robot_names
 from omniwheel.wiring import connections, draw_wiring, electrics, plan_wiring
 from omniwheel.wiring.pages import pages

@@ -17,7 +17,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from hil_sim.image_check.apart import Died, call_apart
+from image_check.apart import Died, call_apart
 from tests.image.planted.bugs import ROOT, Bug, Tree, all_bugs
 from tests.image.planted.page import PAGE, filled_in, finders, summary
 from tests.image.planted.search import Result, Search

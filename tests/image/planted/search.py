@@ -7,8 +7,8 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil_sim.image_check.apart import Died, call_apart
-from hil_sim.image_check.run import NOT_RUN, Outcome, all_checks, run_checks, run_one
+from image_check.apart import Died, call_apart
+from image_check.run import NOT_RUN, Outcome, all_checks, run_checks, run_one
 from tests.image.planted.bugs import ROBOT, Bug
 
 LEAST_LIMIT_S, LIMIT_FACTOR = 30, 10

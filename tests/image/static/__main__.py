@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from hil_sim.image_file import read_image
+from emulated_teensy.image_file import read_image
 from tests.image.flashed import ROOT
 from tests.image.static.calls import Calls
 from tests.image.static.code import Program

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from capstone import arm_const as arm
 
-from hil_sim.image_file import Image
+from emulated_teensy.image_file import Image
 from tests.image.static.code import CodeError, Function, Program, Step, backwards
 
 if sys.version_info >= (3, 11):

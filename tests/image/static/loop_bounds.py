@@ -8,7 +8,7 @@ import sys
 from functools import cache
 from pathlib import Path
 
-from hil_sim.image_file import Image
+from emulated_teensy.image_file import Image
 from omniwheel._core import lib
 from omniwheel.robots import parameter_table
 from tests.image.flashed import ROOT

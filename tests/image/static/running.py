@@ -9,10 +9,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil_sim.image_check.bench import Bench, Context
-from hil_sim.image_file import read_image
-from hil_sim.rt1062 import Channel, Machine, Options, Stop
+from emulated_teensy.image_file import read_image
+from emulated_teensy.machine import Channel, Machine, Options, Stop
 from hil_sim.scenario import load_scenario
+from image_check.bench import Bench, Context
 
 VTOR = 0xE000ED08
 ENABLED, PRIORITY = 0xE000E100, 0xE000E400

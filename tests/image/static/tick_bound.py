@@ -12,7 +12,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from hil_sim.image_file import read_image
+from emulated_teensy.image_file import read_image
 from omniwheel.robots import read_robot
 from tests.image.flashed import ROOT
 from tests.image.static.calls import Calls

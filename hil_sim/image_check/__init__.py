@@ -1,6 +1,0 @@
-# SPDX-License-Identifier: MIT
-"""Checks of a firmware image on the emulated chip, before it ever meets a robot.
-
-What each check drives is the very program that is flashed: its start, its drivers, its links, its memory. What the chip
-does is a model (``hil_sim/rt1062.h``); :func:`hil_sim.rt1062.not_modelled` says what the model leaves out.
-"""

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: MIT
+"""The commands of ``omni`` by group, one line each. A command's module is imported when the command is used."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from inspect import cleandoc
+from typing import Any
+
+import typer
+
+from omni.cli.completion import take_words_as_they_are
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One command: its place in ``omni --help`` and its code.
+
+    ``module`` is one of ``omni.cli``. ``function`` is the command in it; "" means that the module has an ``app``,
+    which is a group of commands.
+    """
+
+    name: str
+    group: str
+    summary: str
+    module: str
+    function: str = ""
+
+
+@cache
+def load(entry: Entry) -> Any:
+    """Import the command's module and return the command."""
+    module = import_module(f"omni.cli.{entry.module}")
+    parent = typer.Typer(add_completion=False, rich_markup_mode="rich")
+    if entry.function:
+        parent.command(entry.name, epilog=module.EXAMPLES)(getattr(module, entry.function))
+    else:
+        parent.add_typer(module.app, name=entry.name)
+    parent.callback()(lambda: None)  # or a single command would take the group's place
+    return take_words_as_they_are(fill_lines(typer.main.get_group(parent).commands[entry.name]))
+
+
+def fill_lines(command: Any) -> Any:
+    """Return a command, or a group, whose help fills the terminal's lines. Typer keeps those of the docstring."""
+    paragraphs = cleandoc(command.help or "").split("\n\n")
+    command.help = "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)
+    for inner in getattr(command, "commands", {}).values():
+        fill_lines(inner)
+    return command
+
+
+DRIVE, TUNE, SIMULATE = "Drive a robot", "Tune a robot", "Simulate a robot"
+STUDY, BUILD, RECORD = "Study many runs", "Build and check a robot", "Record, replay and compare"
+
+TABLE = (
+    Entry("drive", DRIVE, "Move the robot, by numbers or by keys", "drive"),
+    Entry("stop", DRIVE, "Emergency stop, and its release", "stop", "stop"),
+    Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
+    Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
+    Entry("link", DRIVE, "Let several programs use one port at once", "link", "link"),
+    Entry("radio", DRIVE, "Protect the radio with a key", "radio"),
+    Entry("host-control", DRIVE, "Drive the original four-wheel robot from this computer", "host_control"),
+    Entry("studio", TUNE, "See, drive and tune a robot in the browser", "studio", "studio"),
+    Entry("params", TUNE, "Read, set, save and compare parameters", "params"),
+    Entry("tune", TUNE, "Try other gains, compare, keep them or go back", "tune", "tune"),
+    Entry("autotune", TUNE, "Measure the robot and choose its gains from that", "autotune", "autotune"),
+    Entry("experiment", TUNE, "Measure how well a control loop follows", "experiment"),
+    Entry("identify", TUNE, "Find a robot's parameters from how it moves", "identify"),
+    Entry("demo", SIMULATE, "See a simulated robot drive with its real firmware", "demo", "demo"),
+    Entry("sitl", SIMULATE, "Run the firmware and a world here, in real time", "sitl", "sitl"),
+    Entry("emulate", SIMULATE, "Run the firmware on an emulated Cortex-M7 or Teensy", "emulate", "emulate"),
+    Entry("hil", SIMULATE, "Run a scenario with the real firmware, in simulated time", "hil", "hil"),
+    Entry("sim", SIMULATE, "Run a scenario without the firmware, fast", "sim", "sim"),
+    Entry("montecarlo", STUDY, "Run a scenario with very many seeds", "montecarlo", "montecarlo"),
+    Entry("sweep", STUDY, "Run a scenario at many settings", "sweep", "sweep"),
+    Entry("optimize", STUDY, "Search good parameters, check them on other seeds", "optimize", "optimize"),
+    Entry("study", STUDY, "Test a tool on very many random robots", "study"),
+    Entry("soak", STUDY, "Drive for hours on an emulated Cortex-M7", "soak", "soak"),
+    Entry("bench", STUDY, "Measure how fast the simulations are here", "bench", "bench"),
+    Entry("robots", BUILD, "Write, check, show and wire robot files", "robots"),
+    Entry("flash", BUILD, "Build the firmware, check it and upload it", "flash", "flash"),
+    Entry("check-image", BUILD, "Run a firmware image on an emulated Teensy", "check_image", "check_image"),
+    Entry("bringup", BUILD, "Check a new robot step by step", "bringup"),
+    Entry("doctor", BUILD, "Check the installation and list serial ports", "doctor", "doctor"),
+    Entry("record", RECORD, "Record every message of a link", "record", "record"),
+    Entry("replay", RECORD, "Feed a log through the robot's own estimator", "replay", "replay_command"),
+    Entry("logs", RECORD, "Import, look at and align logs of any robot", "logs"),
+    Entry("plot", RECORD, "Draw a finished run, or any telemetry log", "plot", "plot"),
+    Entry("runs", RECORD, "List, compare, name and delete runs", "runs"),
+    Entry("reproduce", RECORD, "Repeat the research report's experiments", "reproduce", "reproduce"),
+)
+"""In the order of ``omni --help``."""

@@ -1,0 +1,118 @@
+# SPDX-License-Identifier: MIT
+"""``omni params history`` and ``omni params undo``: what was changed on a robot, and back to an earlier state."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from omni.cli.common import (
+    WhyOption,
+    console,
+    examples,
+    keep_history,
+    print_json,
+)
+from omni.cli.options import takes
+from omni.cli.params_output import StoreOption, keep_over_restart, print_changes
+from omni.cli.robot_options import RobotOptions
+from omniwheel.errors import HistoryError
+from omniwheel.parameter_file import format_value, shortest
+from omniwheel.robots import parameter_table
+
+if TYPE_CHECKING:
+    from omniwheel.history import Entry
+
+HISTORY_EXAMPLES = examples("omni params history", "omni params history --json")
+UNDO_EXAMPLES = examples("omni params undo", "omni params undo 3 --store")
+
+
+@takes(RobotOptions)
+def history(
+    *,
+    wanted: RobotOptions,
+) -> None:
+    """List what commands on this computer changed on the robot: when, who, how and why. `omni params undo` goes back.
+
+    A robot is known by its board's serial number; a simulated one, which has none, by its link.
+    """
+    from omniwheel.history import history_of
+
+    with wanted.open() as robot:
+        kept = history_of(robot)
+    entries = kept.entries()
+    if wanted.as_json:
+        print_json(
+            {"file": None if kept.path is None else str(kept.path), "entries": [_document(entry) for entry in entries]}
+        )
+    elif not entries:
+        console.print("nothing was changed yet")
+    else:
+        console.print(_table(entries))
+
+
+def _document(entry: Entry) -> dict[str, Any]:
+    return {
+        "number": entry.number,
+        "time": entry.time,
+        "who": entry.who,
+        "command": entry.command,
+        "why": entry.why,
+        "changes": {name: [shortest(value) for value in pair] for name, pair in entry.changes.items()},
+        "stored": entry.stored,
+        "figures": {name: list(pair) for name, pair in entry.figures.items()},
+    }
+
+
+def _table(entries: list[Entry]) -> Table:
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    table.add_column("", justify="right", style="bold")
+    table.add_column("when (UTC), who", no_wrap=True)
+    table.add_column("change", overflow="fold")
+    table.add_column("command, why", overflow="fold", style="dim")
+    known = parameter_table()
+    for entry in entries:
+        changes = [
+            f"[cyan]{escape(name)}[/] {format_value(known.get(name), before)} → {format_value(known.get(name), after)}"
+            for name, (before, after) in entry.changes.items()
+        ]
+        if entry.stored:
+            changes.append("stored on the robot")
+        when = entry.time[:16].replace("T", " ")
+        said = [escape(entry.command), *([f"[bold]{escape(entry.why)}[/]"] if entry.why else [])]
+        table.add_row(str(entry.number), f"{when}\n{escape(entry.who)}", "\n".join(changes), "\n".join(said))
+    return table
+
+
+@takes(RobotOptions)
+def undo(
+    number: Annotated[
+        int | None,
+        typer.Argument(help="Back to before this entry of the history; without it, the last one.", show_default=False),
+    ] = None,
+    store: StoreOption = False,
+    why: WhyOption = "",
+    *,
+    wanted: RobotOptions,
+) -> None:
+    """Set what was changed back to what it was before an entry of the history, all or none.
+
+    This works after a restart of the robot, too. It is an entry of its own: undo again to take it back.
+    """
+    from omniwheel.history import history_of
+
+    with wanted.open() as robot:
+        kept = history_of(robot)
+        entries = kept.entries()
+        if not entries:
+            raise HistoryError("nothing was changed yet: there is nothing to undo")
+        earlier = kept.before(len(entries) if number is None else number)
+        keep_history(robot, why or f"undo {len(entries) if number is None else number}")
+        old = {name: robot.parameters.read(name) for name in earlier}
+        robot.parameters.set_many(earlier)
+        keep_over_restart(robot, store, wanted.as_json)
+        changes = {name: (old[name], robot.parameters[name]) for name in earlier if old[name] != earlier[name]}
+        print_changes(robot.parameters, changes, "before", "after", wanted.as_json)

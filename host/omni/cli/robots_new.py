@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: MIT
+"""``omni robots new`` and ``omni robots motors``: a robot file of one's own, copied or from data-sheet numbers."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from omni.cli import completion
+from omni.cli.common import JsonOption, console, examples, print_json
+from omni.cli.options import RobotFolderOption
+from omni_schema import Robot
+from omniwheel.errors import DataSheetError
+from omniwheel.plain import typed_number
+from omniwheel.robots import find_robot_file, new_robot_file, read_robot
+from omniwheel.wiring import plan_wiring
+
+if TYPE_CHECKING:
+    from omniwheel.capability import DriveModel
+    from omniwheel.datasheet import GearMotor
+
+EXAMPLES = examples(
+    "omni robots new mine --from three_wheel",
+    "omni robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4",
+    "omni robots new mine --no-load-rpm 330 --stall-torque 14kg.cm --stall-current 5.5 --voltage 12 --gear 30 "
+    "--encoder-lines 16 --wheel-diameter 96mm --wheel-distance 160mm --mass 4",
+    "omni robots new mine --ask",
+)
+_SHEET, _BODY = "From a data sheet", "The body"
+
+
+def _option(name: str, text: str, panel: str, metavar: str) -> Any:
+    return typer.Option(name, metavar=metavar, help=text, rich_help_panel=panel, show_default=False)
+
+
+def new(
+    name: Annotated[str, typer.Argument(help="Name of the new robot: a-z 0-9 _.")],
+    template: Annotated[
+        str | None, typer.Option("--from", help="Robot to copy.", autocompletion=completion.robots, show_default=False)
+    ] = None,
+    folder: RobotFolderOption = Path(),
+    ask: Annotated[bool, typer.Option("--ask", help="Ask for every number that is not given.")] = False,
+    motor: Annotated[str | None, _option("--motor", "A motor of `omni robots motors`.", _SHEET, "NAME")] = None,
+    voltage: Annotated[float | None, _option("--voltage", "Rated voltage \\[V].", _SHEET, "V")] = None,
+    no_load_rpm: Annotated[
+        float | None, _option("--no-load-rpm", "Speed without load, output shaft \\[rpm].", _SHEET, "RPM")
+    ] = None,
+    stall_torque: Annotated[
+        str | None, _option("--stall-torque", "Output shaft, with unit: 14kg.cm, 1.4N.m, 190oz.in.", _SHEET, "TORQUE")
+    ] = None,
+    stall_current: Annotated[float | None, _option("--stall-current", "\\[A]; may be left out.", _SHEET, "A")] = None,
+    no_load_current: Annotated[
+        float | None, _option("--no-load-current", "\\[A]; may be left out.", _SHEET, "A")
+    ] = None,
+    gear: Annotated[
+        float | None,
+        _option("--gear", "Turns of the encoder per turn of the wheel; 1: encoder at the wheel.", _SHEET, "N"),
+    ] = None,
+    encoder_lines: Annotated[
+        float | None, _option("--encoder-lines", "Lines (pulses of one channel) per turn of the encoder.", _SHEET, "N")
+    ] = None,
+    wheels: Annotated[int, typer.Option("--wheels", min=3, max=4, rich_help_panel=_BODY, help="3 or 4.")] = 3,
+    wheel_diameter: Annotated[
+        str | None, _option("--wheel-diameter", "With unit: 96mm, 3.8in.", _BODY, "LENGTH")
+    ] = None,
+    wheel_distance: Annotated[
+        str | None, _option("--wheel-distance", "Centre to a wheel's contact point, with unit.", _BODY, "LENGTH")
+    ] = None,
+    mass: Annotated[float | None, _option("--mass", "Whole robot \\[kg].", _BODY, "KG")] = None,
+    supply: Annotated[
+        float | None, _option("--supply", "Battery \\[V]; left out: the motor's rated voltage.", _BODY, "V")
+    ] = None,
+    bridge_current: Annotated[
+        float | None,
+        _option("--bridge-current", "At which a bridge chops \\[A], for LIM_I; left out: no limit.", _BODY, "A"),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Start a robot file of your own: a copy of another, or from the numbers of a motor's data sheet.
+
+    From data-sheet numbers, motor constants and limits are derived, and every line says where its number came from.
+    """
+    from omniwheel.datasheet import RobotAnswers, find_motor, write_designed_robot
+    from omniwheel.datasheet.units import length_m
+
+    sheet = (motor, voltage, no_load_rpm, stall_torque, stall_current, no_load_current, gear, encoder_lines)
+    body = (wheel_diameter, wheel_distance, mass, supply, bridge_current)
+    designed = ask or any(value is not None for value in (*sheet, *body))
+    if designed and template is not None:
+        raise typer.BadParameter("--from copies a robot, data-sheet numbers make one: give one or the other")
+    if not designed and template is None and sys.stdin.isatty():
+        designed = ask = True
+    if not designed:
+        target = new_robot_file(name, template or "three_wheel", folder)
+        _say(target, f"a copy of {find_robot_file(template or 'three_wheel').stem}: change its numbers", as_json)
+        return
+    form = _Form(ask)
+    answers = RobotAnswers(
+        motor=find_motor(motor) if motor else form.motor(*sheet[1:]),
+        wheels=wheels,
+        wheel_diameter_m=length_m(form.text(wheel_diameter, "--wheel-diameter", "Wheel diameter, like 96mm")),
+        wheel_distance_m=length_m(
+            form.text(wheel_distance, "--wheel-distance", "Centre to a wheel's contact, like 160mm")
+        ),
+        mass_kg=form.number(mass, "--mass", "Mass of the whole robot [kg]"),
+        supply_V=supply,
+        bridge_A=bridge_current,
+    )
+    _say(write_designed_robot(name, answers, folder), "from data-sheet numbers: read what it assumed", as_json)
+
+
+class _Form:
+    """Takes what the options gave; asks for the rest, or says which option is missing."""
+
+    def __init__(self, ask: bool) -> None:
+        self.ask = ask
+
+    def text(self, given: str | None, option: str, question: str) -> str:
+        """Return an answer as text."""
+        if given is not None:
+            return given
+        if not self.ask:
+            raise DataSheetError(f"{option} is missing", hint="give it, or --ask to be asked for what is missing")
+        return str(typer.prompt(question, err=True))
+
+    def number(self, given: float | None, option: str, question: str) -> float:
+        """Return an answer as a number."""
+        if given is not None:
+            return given
+        return self._parsed(self.text(None, option, question), question)
+
+    @staticmethod
+    def _parsed(text: str, question: str) -> float:
+        try:
+            return typed_number(text)
+        except ValueError:
+            raise DataSheetError(f"{text!r} is not a number", hint=question) from None
+
+    def optional(self, given: float | None, question: str) -> float | None:
+        """Return an answer that may be left out."""
+        if given is not None or not self.ask:
+            return given
+        text = str(typer.prompt(f"{question}, Enter if it is not given", default="", show_default=False, err=True))
+        return self._parsed(text, question) if text.strip() else None
+
+    def motor(
+        self,
+        voltage: float | None,
+        no_load_rpm: float | None,
+        stall_torque: str | None,
+        stall_current: float | None,
+        no_load_current: float | None,
+        gear: float | None,
+        encoder_lines: float | None,
+    ) -> GearMotor:
+        """Return the motor of a data sheet."""
+        from omniwheel.datasheet import GearMotor
+        from omniwheel.datasheet.units import torque_N_m
+
+        return GearMotor(
+            voltage_V=self.number(voltage, "--voltage", "Rated voltage [V]"),
+            no_load_rad_s=self.number(no_load_rpm, "--no-load-rpm", "Speed without load [rpm]") * math.pi / 30.0,
+            stall_torque_N_m=torque_N_m(self.text(stall_torque, "--stall-torque", "Torque at stall, like 14kg.cm")),
+            stall_current_A=self.optional(stall_current, "Current at stall [A]"),
+            no_load_current_A=self.optional(no_load_current, "Current without load [A]"),
+            gear=self.number(gear, "--gear", "Turns of the encoder per turn of the wheel"),
+            encoder_lines=self.number(encoder_lines, "--encoder-lines", "Encoder lines per turn"),
+        )
+
+
+def _say(target: Path, what: str, as_json: bool) -> None:
+    from omniwheel.capability import drive_model
+
+    robot = read_robot(target)
+    warnings = warnings_of(robot, drive_model(robot))
+    if as_json:
+        print_json({"file": str(target), "is": what, "warnings": warnings})
+        return
+    console.print(f"{escape(str(target))} written, {what}. Then: omni robots check {escape(str(target))}")
+    print_warnings(warnings)
+
+
+def warnings_of(robot: Robot, model: DriveModel) -> list[str]:
+    """Return what is possible but unwise about a robot: its wiring, its sensors, then its numbers."""
+    from omniwheel.capability import sensor_warnings
+    from omniwheel.capability import warnings as doubts
+
+    return [*plan_wiring(robot).warnings, *sensor_warnings(robot), *doubts(model)]
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print warnings about a robot file, a line each."""
+    for warning in warnings:
+        console.print(f"[bold red]![/] {escape(warning)}")
+
+
+def motors(as_json: JsonOption = False) -> None:
+    """List the gear motors whose data sheets come with omniwheel, for `omni robots new --motor`."""
+    from omniwheel.datasheet import catalogue
+
+    known = catalogue().values()
+    if as_json:
+        print_json(
+            {"motors": [vars(motor) | {"counts_per_revolution": motor.counts_per_revolution} for motor in known]}
+        )
+        return
+    table = Table(box=None, header_style="bold", pad_edge=False)
+    for title in ("motor", "V", "rpm", "stall N m", "stall A", "counts/turn"):
+        table.add_column(
+            title, justify="left" if title == "motor" else "right", style="cyan" if title == "motor" else ""
+        )
+    for motor in known:
+        rpm = motor.no_load_rad_s * 30.0 / math.pi
+        table.add_row(
+            motor.name,
+            f"{motor.voltage_V:g}",
+            f"{rpm:.0f}",
+            f"{motor.stall_torque_N_m:.2f}",
+            f"{motor.stall_current_A:g}",
+            str(motor.counts_per_revolution),
+        )
+    console.print(table)
+    for source in dict.fromkeys(motor.source.rpartition("(")[2].rstrip(")") for motor in known):
+        console.print(f"[dim]{escape(source)}[/]")

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: MIT
+"""``omni study``: whether a tool keeps what it promises, on very many robots drawn at random."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from omni.cli.common import JsonOption, console, examples, print_json
+from omni.cli.options import DEFAULT_OUT, LossOption, OwnSeedOption, RadioOption
+from omni.cli.run_output import EmulatedOption
+from omni.cli.study_output import FreshOption, StudyOutOption, WorkersOption, print_end, study_progress
+
+EXAMPLES = examples(
+    "omni study autotune --robots 100",
+    "omni study autotune --robots 50 --radio 9600 --loss 0.05",
+    "omni study autotune --robots 20 --emulated",
+    "omni study autotune --robots 1000 --rivals 100 --stops 200 --workers 8 --out runs/study",
+)
+
+app = typer.Typer(no_args_is_help=True, help="Test a tool on very many robots drawn at random.")
+
+
+@app.command("autotune", epilog=EXAMPLES)
+def autotune(
+    robots: Annotated[int, typer.Option("--robots", min=1, max=100_000, help="Robots to draw, tune and judge.")] = 20,
+    rivals: Annotated[
+        int,
+        typer.Option(
+            "--rivals", min=0, help="For so many of them an optimiser that knows the true robot searches gains, too."
+        ),
+    ] = 0,
+    stops: Annotated[int, typer.Option("--stops", min=0, help="Tunings that are interrupted at random moments.")] = 0,
+    seed: OwnSeedOption = 1,
+    radio: RadioOption = None,
+    loss: LossOption = 0.05,
+    emulated: EmulatedOption = False,
+    workers: WorkersOption = None,
+    out: StudyOutOption = None,
+    fresh: FreshOption = False,
+    json_wanted: JsonOption = False,
+) -> None:
+    """Tune robots drawn at random by omni autotune, in simulated time on the real firmware, and judge the result.
+
+    Each robot file is wrong by up to 30 % in every number. A robot is judged by its true pose on a path of its own,
+    before and after, on seeds that the tuning never saw. Interrupted, the same command goes on; a larger --robots adds
+    to what is there. Over a radio or on an emulated processor it is another study, with a folder of its own.
+    """
+    from hil_sim.processes import usable_processors
+    from hil_sim.studies.autotune_link import Way
+    from hil_sim.studies.autotune_study import Plan, run_study
+    from hil_sim.studies.autotune_summary import page
+    from omniwheel.radio_model import RadioSettings
+
+    way = Way(None if radio is None else RadioSettings(radio, loss), emulated)
+    plan = Plan(robots, seed, min(rivals, robots), stops, way=way)
+    path: Path = out if out is not None else DEFAULT_OUT / f"study-autotune{way.suffix}"
+    total = robots + plan.rivals + stops
+    with study_progress("autotune", total, path, json_wanted) as progress:
+        summary = run_study(plan, path, workers or usable_processors(), fresh=fresh, told=progress)
+    if json_wanted:
+        print_json({**summary, "folder": str(path)})
+        return
+    console.print(page(summary), markup=False, highlight=False)
+    print_end(progress, str(path))
