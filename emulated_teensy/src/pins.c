@@ -275,7 +275,7 @@ void rt1062_attach(rt1062_t *m, const rt1062_circuit_t *circuit) {
     rt_i2c_sync(m);
 }
 
-/* The chip's resets leave the circuit alone: its clock goes on, its levels stay. After power-on it is connected anew. */
+/* The chip's resets leave the circuit alone: its clock goes on, its levels stay. Power-on connects it anew. */
 static void reset(rt1062_t *m) {
     for (uint32_t pad = 0; pad < RT_PADS; pad++) {
         rt_pad_update(m, pad);

@@ -12,11 +12,10 @@ import os
 import select
 import socket
 import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -35,10 +34,12 @@ COUNTS_PER_RAD = 10000 / math.tau  # three_wheel.toml
 
 def load_dialect() -> ModuleType:
     """Return the generated Python dialect."""
-    folder = str(dialect_dir())
-    if folder not in sys.path:
-        sys.path.insert(0, folder)
-    return import_module("omni")
+    spec = spec_from_file_location("omni_dialect", dialect_dir() / "omni.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 mav = load_dialect()

@@ -109,7 +109,7 @@ typedef struct rt1062_circuit_t {
     uint32_t i2c_buses;      /**< a bit per bus that has pull-up resistors and may have chips */
     double pwm_frequency_Hz; /**< that is expected at the PWM pins; another one is a finding */
     uint32_t state_size;     /**< bytes that save() writes, a part of a machine's snapshot */
-    /** The circuit is connected, at power-on and by rt1062_attach(). @return NULL, or why that cannot be: the run ends. */
+    /** The circuit is connected, at power-on and by rt1062_attach(). @return NULL, or why the run cannot begin. */
     const char *(*power_on)(void *context);
     /** Time has passed: RT1062_STEP_us. @return NULL, or why the circuit cannot go on: the run ends. */
     const char *(*step)(void *context, uint64_t now_us);
@@ -199,7 +199,8 @@ void rt1062_forget_findings(rt1062_t *m);
 /** What is not modelled: sentences, ended by NULL. */
 const char *const *rt1062_not_modelled(void);
 
-/** A copy of the whole machine and the state of its circuit; not of bytes and edges that wait to be fetched. NULL: no memory. */
+/** A copy of the whole machine and the state of its circuit; not of bytes and edges that wait to be fetched.
+ *  @return NULL: no memory. */
 typedef struct rt1062_snapshot_t rt1062_snapshot_t;
 rt1062_snapshot_t *rt1062_snapshot(rt1062_t *m);
 void rt1062_restore(rt1062_t *m, const rt1062_snapshot_t *snapshot);
