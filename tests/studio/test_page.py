@@ -239,7 +239,7 @@ def test_keys_drive_as_long_as_they_are_held(page: Page) -> None:
     drive(page, hold_key, f"robot.pose[0] > {x} + 0.02")
     page.keyboard.up("w")
     until(page, "document.getElementById('key-text').textContent === ''")
-    until(page, "robot.mode === 'velocity' || robot.mode === 'hold'")
+    until(page, "robot.mode === 'hold' && robot.armed")  # no failsafe: the stream ended at rest
 
 
 PAD = """(pad) => {

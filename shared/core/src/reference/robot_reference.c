@@ -108,6 +108,13 @@ static void follow_velocity(omni_guide_t *guide, const omni_robot_config_t *c, c
     target->reference.acceleration = omni_rotate_to_world(&body_acceleration, &estimate->heading);
 }
 
+/* A velocity of zero that has grown old, and the ramp has reached it: the robot holds the pose at which it came to rest. */
+static bool has_come_to_rest(const omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs) {
+    const omni_twist_t *ramped = &guide->ramped;
+    return omni_robot_age_s(inputs->time_us, inputs->setpoint.time_us) > c->limits.command_timeout_s &&
+           omni_absf(ramped->vx) + omni_absf(ramped->vy) + omni_absf(ramped->wz) <= 0.0f;
+}
+
 static void follow_trajectory(omni_guide_t *guide, const omni_inputs_t *inputs, omni_target_t *target) {
     omni_reference_t *reference = &target->reference;
     omni_trajectory_evaluate(guide->trajectory, inputs->time_us - guide->trajectory_start_us, reference);
@@ -169,7 +176,12 @@ static void follow_setpoint(omni_guide_t *guide, const omni_robot_config_t *c, c
         break;
     case OMNI_SETPOINT_VELOCITY_BODY:
     case OMNI_SETPOINT_VELOCITY_WORLD:
-        follow_velocity(guide, c, &inputs->setpoint.twist, estimate, target);
+        if (has_come_to_rest(guide, c, inputs)) {
+            target->kind = OMNI_SETPOINT_NONE;
+            hold_pose(guide, target);
+        } else {
+            follow_velocity(guide, c, &inputs->setpoint.twist, estimate, target);
+        }
         break;
     case OMNI_SETPOINT_TRAJECTORY:
         follow_trajectory(guide, inputs, target);

@@ -135,7 +135,27 @@ static bool is_streamed(uint8_t kind) {
            kind == OMNI_SETPOINT_DUTY;
 }
 
-/* The set-point in force. A streamed one that has gone silent since arming is a fault; one from before is ignored. */
+/* A stream that ends at rest: velocity or duties of zero. Only a setpoint that moves can be lost. */
+static bool asks_for_rest(const omni_setpoint_t *setpoint) {
+    const omni_twist_t *twist = &setpoint->twist;
+    switch (setpoint->kind) {
+    case OMNI_SETPOINT_VELOCITY_BODY:
+    case OMNI_SETPOINT_VELOCITY_WORLD:
+        return omni_absf(twist->vx) + omni_absf(twist->vy) + omni_absf(twist->wz) <= 0.0f;
+    case OMNI_SETPOINT_DUTY: {
+        omni_real_t sum = 0.0f;
+        for (uint32_t i = 0; i < OMNI_MAX_WHEELS; i++) {
+            sum += omni_absf(setpoint->duty[i]);
+        }
+        return sum <= 0.0f;
+    }
+    default:
+        return false;
+    }
+}
+
+/* The setpoint in force. A streamed one that has gone silent since arming is a fault unless it asks for rest; one from
+ * before arming is ignored. */
 static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const omni_limits_t *limits,
                                       const omni_inputs_t *inputs, uint8_t *kind) {
     const omni_setpoint_t *setpoint = &inputs->setpoint;
@@ -145,8 +165,12 @@ static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const
     }
     if (is_streamed(setpoint->kind) &&
         omni_robot_age_s(inputs->time_us, setpoint->time_us) > limits->command_timeout_s) {
-        const bool lost = supervisor->state == OMNI_STATE_ARMED && setpoint->time_us >= supervisor->armed_since_us;
-        return lost ? (omni_uint_t)OMNI_FAULT_COMMAND_LOSS : (omni_uint_t)0u;
+        if (supervisor->state != OMNI_STATE_ARMED || setpoint->time_us < supervisor->armed_since_us) {
+            return 0;
+        }
+        if (!asks_for_rest(setpoint)) {
+            return OMNI_FAULT_COMMAND_LOSS;
+        }
     }
     if (setpoint->kind == OMNI_SETPOINT_POSE && is_beyond(limits, &setpoint->pose)) {
         return OMNI_WARN_SETPOINT;
