@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-CLI = Path(__file__).resolve().parents[2] / "host" / "omniwheel" / "cli"
+CLI = Path(__file__).resolve().parents[2] / "host" / "omni" / "cli"
 
 
 def declarations(folder: Path = CLI) -> Iterator[tuple[str, str, str]]:

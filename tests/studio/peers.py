@@ -24,7 +24,7 @@ ROOT = Path(__file__).parents[2]
 FETCHED = ROOT / "build" / "studio-peers"
 PACKAGES = ("echarts@5", "plotly.js-basic-dist-min@3")
 MODULES = FETCHED / "node_modules"
-UPLOT = ROOT / "host" / "omniwheel" / "studio" / "vendor" / "uPlot.esm.js"
+UPLOT = ROOT / "host" / "omni" / "studio" / "vendor" / "uPlot.esm.js"
 SCRIPTS = {
     "ECharts": MODULES / "echarts" / "dist" / "echarts.min.js",
     "Plotly": MODULES / "plotly.js-basic-dist-min" / "plotly-basic.min.js",

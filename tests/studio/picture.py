@@ -16,7 +16,7 @@ from tests.studio.parts import CHROMIUM, SAFE, studio, until
 ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / "docs" / "images" / "studio.png"
 FINGERPRINT = PICTURE.with_suffix(".sha256")
-PAGE = ROOT / "host" / "omniwheel" / "studio" / "page"
+PAGE = ROOT / "host" / "omni" / "studio" / "page"
 
 
 def fingerprint() -> str:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-STUDIO = ROOT / "host" / "omniwheel" / "studio"
+STUDIO = ROOT / "host" / "omni" / "studio"
 
 
 @pytest.mark.nightly

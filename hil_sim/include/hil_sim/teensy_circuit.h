@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file teensy_circuit.h
- * A simulated robot as the circuit around an emulated Teensy: encoders, PWM chip with its output-enable pin or motors at
- * PWM pins, stop button and battery of a world, gyro and floor odometry sensor on I2C buses of their own.
+ * A simulated robot as the circuit around an emulated Teensy: encoders, PWM chip with its output-enable pin or motors
+ * at PWM pins, stop button and battery of a world, gyro and floor odometry sensor on I2C buses of their own.
  *
  * Faults of the world act at the wires. Those that no wire can show end the run with a reason: `encoder_invalid`,
  * `encoder_bit`, `clock_jump`, `clock_stuck`, `tick_late`. Faults of the pose sensor and the link belong to the program

@@ -108,7 +108,7 @@ static void follow_velocity(omni_guide_t *guide, const omni_robot_config_t *c, c
     target->reference.acceleration = omni_rotate_to_world(&body_acceleration, &estimate->heading);
 }
 
-/* A velocity of zero that has grown old, and the ramp has reached it: the robot holds the pose at which it came to rest. */
+/* A velocity of zero that has grown old, and the ramp has reached it. The pose where the robot came to rest is held. */
 static bool has_come_to_rest(const omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs) {
     const omni_twist_t *ramped = &guide->ramped;
     return omni_robot_age_s(inputs->time_us, inputs->setpoint.time_us) > c->limits.command_timeout_s &&
