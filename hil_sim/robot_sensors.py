@@ -11,11 +11,13 @@ from omni_schema import FlowWiring, GyroWiring, Robot
 GYRO_RATE_HZ, FLOW_RATE_HZ = 1000.0, 50.0
 """How often the firmware's drivers read them."""
 
+TRACKED = {"tracked_x_m": "FIX_X", "tracked_y_m": "FIX_Y", "tracked_heading_rad": "FIX_TH"}
+
 
 def sensor_numbers(robot: Robot) -> dict[str, float]:
-    """Return the world's numbers of the robot's gyro and sensor of motion over the floor; none without."""
+    """Return the world's numbers of the robot's tracked point, gyro and floor odometry sensor; none without."""
     values = robot.parameter_values()
-    found: dict[str, float] = {}
+    found = {name: values[parameter] for name, parameter in TRACKED.items() if values[parameter] != 0.0}
     if robot.board.gyro is not None:
         found |= _gyro(robot.board.gyro, values)
     if robot.board.flow is not None:

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "hil_sim/random.h"
+#include "real_math.h"
 #include "sensor.h"
 
 static hil_real_t wrap_angle(hil_real_t angle_rad) {
@@ -13,9 +14,14 @@ static hil_real_t wrap_angle(hil_real_t angle_rad) {
 static void measure(const hil_world_t *world, uint64_t sample, double age_s, hil_real_t *pose) {
     const hil_world_config_t *config = &world->config;
     const hil_real_t sd[3] = {config->fix_sd_xy_m, config->fix_sd_xy_m, config->fix_sd_theta_rad};
+    hil_real_t heading[2];
+    hil_cos_sin(world->pose[2] - age_s * world->twist[2], heading);
+    const hil_real_t arm[3] = {heading[0] * config->tracked_x_m - heading[1] * config->tracked_y_m,
+                               heading[1] * config->tracked_x_m + heading[0] * config->tracked_y_m,
+                               config->tracked_heading_rad};
     for (uint32_t axis = 0; axis < 3; axis++) {
         const hil_real_t noise = sd[axis] * hil_normal(config->seed, HIL_STREAM_FIX_X + axis, sample);
-        pose[axis] = world->pose[axis] - age_s * world->twist[axis] + noise;
+        pose[axis] = world->pose[axis] - age_s * world->twist[axis] + noise + arm[axis];
     }
     pose[0] += hil_fault_value(world, HIL_FAULT_POSE_JUMP, 0.0);
     pose[2] = wrap_angle(pose[2]);

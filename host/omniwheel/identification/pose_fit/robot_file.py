@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 from omniwheel import files
@@ -11,15 +12,21 @@ from omniwheel.identification.pose_fit.study import GeometryStudy
 from omniwheel.robot_text import Changes, edited
 from omniwheel.robots import find_robot_file, read_robot
 
+TRACKED = {"tracked_x_m": "FIX_X", "tracked_y_m": "FIX_Y", "tracked_heading_rad": "FIX_TH"}
+"""Where a robot keeps what is tracked by the poses."""
+
 
 def write_geometry(study: GeometryStudy, nominal: str, target: Path) -> Path:
-    """Write a robot file with radii and wheel distance of the plain geometry. Overwrites nothing.
+    """Write a robot file with radii, wheel distance and tracked point of the plain geometry. Overwrites nothing.
 
     Raises LogError, RobotFileError, OutputFileError; there is no robot file then.
     """
     if target.suffix != ".toml":
         raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
-    text = edited(find_robot_file(nominal).read_text(encoding="utf-8-sig"), changes(study))
+    text = find_robot_file(nominal).read_text(encoding="utf-8-sig")
+    if re.search(r"^\[parameters\]", text, re.MULTILINE) is None:
+        text += "\n[parameters]\n"
+    text = edited(text, changes(study))
     try:
         files.create(target, text.encode("utf-8"))
     except FileExistsError:
@@ -49,4 +56,8 @@ def changes(study: GeometryStudy) -> Changes:
             float(values["wheel_distance_m"]),
             f"identified from poses, ± {width:.2g}",
         )
+    for name, parameter in TRACKED.items():
+        if name in plain.names:
+            width = plain.half_width(name)
+            found[f"parameters.{parameter}"] = (float(values[name]), f"identified from poses, ± {width:.2g}")
     return found

@@ -81,7 +81,10 @@ typedef struct omni_robot_config_t {
     omni_real_t slip_feed;      /**< 0..1 share of the slip estimate fed forward */
     omni_real_t torque_emf;     /**< 0..1 share of back-EMF and viscous friction made up for in direct torque control */
     omni_real_t step_s;
-    uint16_t sequence; /**< caller's number of this set; telemetry repeats it */
+    omni_real_t tracked_x_m; /**< the point that pose fixes are of, body frame */
+    omni_real_t tracked_y_m;
+    omni_real_t tracked_heading_rad; /**< of the tracked body's x axis, body frame */
+    uint16_t sequence;               /**< caller's number of this set; telemetry repeats it */
 } omni_robot_config_t;
 
 /**
@@ -124,7 +127,7 @@ typedef struct omni_inputs_t {
     uint64_t time_us; /**< robot clock, monotonic */
 #include "omni/input_readings_gen.h"
     bool has_fix;
-    omni_pose_fix_t fix;
+    omni_pose_fix_t fix;                 /**< of the tracked point; applied if has_fix */
     uint32_t events;                     /**< omni_event_t bits, for this tick only */
     uint32_t faults;                     /**< stop faults seen outside the core (OMNI_FAULT_OVERRUN, ...) */
     omni_setpoint_t setpoint;            /**< the latest */

@@ -203,6 +203,9 @@ static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
     l->command_timeout_s = v[OMNI_PARAM_SAFE_CMD_TO];
     l->link_timeout_s = v[OMNI_PARAM_SAFE_LINK_TO];
     l->fix_timeout_s = v[OMNI_PARAM_FIX_TIMEOUT];
+    c->tracked_x_m = v[OMNI_PARAM_FIX_X];
+    c->tracked_y_m = v[OMNI_PARAM_FIX_Y];
+    c->tracked_heading_rad = v[OMNI_PARAM_FIX_TH];
     l->error_m = v[OMNI_PARAM_SAFE_ERR_XY];
     l->error_rad = v[OMNI_PARAM_SAFE_ERR_TH];
     l->stall_s = v[OMNI_PARAM_SAFE_STALL_T];
