@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "hil_sim/random.h"
-#include "real_math.h"
 #include "sensor.h"
 
 static hil_real_t wrap_angle(hil_real_t angle_rad) {
