@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,7 @@ from hil_sim.runs import run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.world import world_config
 from omniwheel._core import ffi, lib
+from tests.hub.parts import omni
 
 ROOT = Path(__file__).resolve().parents[2]
 SAFETY = (ROOT / "docs" / "reference" / "safety.md").read_text(encoding="utf-8")
@@ -70,6 +73,17 @@ def test_every_word_of_the_glossary_is_used_elsewhere() -> None:
     assert len(words) > 50
     unused = [word for word in words if not re.search(rf"(?<![a-z]){re.escape(word.lower())}(?:s|es)?(?![a-z])", text)]
     assert unused == []
+
+
+@pytest.mark.full
+def test_the_program_of_the_front_page_drives() -> None:
+    (program,) = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL)
+    with omni("sitl", "--port", "0", "--json") as (_, ready):
+        program = program.replace("tcp:127.0.0.1:5760", ready["links"][0])
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 0, done.stderr
+    x_m, y_m = (float(re.search(rf"\b{axis}=([-\d.]+)", done.stdout)[1]) for axis in "xy")
+    assert (x_m, y_m) == pytest.approx((0.1, 0.1), abs=0.01)
 
 
 @pytest.mark.full
