@@ -12,7 +12,7 @@ from image_check.check import CI, NIGHTLY, Check
 ALL_LED_OFF = [0xFD, 0x10]
 """The first bytes after the address: register ALL_LED_OFF_H, bit "full off"."""
 OFF_LIMIT_S = 0.45
-"""docs/guides/teensy.md promises about 0.3 s after a reset; the boot ROM's time at power-on comes on top."""
+"""docs/guides/bring-up.md promises about 0.3 s after a reset; the boot ROM's time at power-on comes on top."""
 REAL_INSTRUCTION_ns = 2
 """Two thirds of the real processor's speed at one instruction per cycle: here the bus must keep up with every tick."""
 WATCHED_S = 0.03

@@ -28,7 +28,7 @@ WATCHDOG_EARLY_S = 0.01
 """Its clock is 2.4 % fast, and the last time that both ran may be a tick and a pass of the main loop ago."""
 TICK_S = 0.001
 OFF_INSTRUCTIONS = 20
-"""From the bad code to the output-enable pin: in the handler's first instructions, says docs/guides/teensy.md."""
+"""From the bad code to the output-enable pin: in the handler's first instructions, says docs/guides/bring-up.md."""
 PINS_LOW_S = 0.002
 SAID_S = 0.8
 HANG = 20

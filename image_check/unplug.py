@@ -23,7 +23,7 @@ TEXTS_S = 1.0
 """In this time the radio's 960 bytes per second have carried the texts of a stop."""
 UPLOADER_BAUD = 134
 UPLOAD_S = 0.010
-"""docs/guides/teensy.md: pin off and ALL_LED_OFF in the 10 ms that Teensyduino leaves until the bootloader runs."""
+"""docs/guides/bring-up.md: pin off and ALL_LED_OFF in the 10 ms that Teensyduino leaves until the bootloader runs."""
 LOOK_NS = 100_000
 PHASE_NS = 170_000
 """An upload is asked for at moments so far apart: some are in the middle of an update of the PWM chip."""

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 from collections.abc import Sequence
 from html import escape
 from pathlib import Path
@@ -17,9 +19,12 @@ from omniwheel import files
 
 MARKDOWN_FILE = "reproduction.md"
 HTML_FILE = "reproduction.html"
+SUMMARY_FILE = "summary.md"
 JSON_FILE = "rows.json"
 
 HEADINGS = ("setting", "quantity", "unit", "published", "ours", "seeds", "limit", "ratio", "")
+_SUMMARY_COLUMNS = (0, 1, 2, 3, 4, 6)
+"""The columns of HEADINGS in the summary's tables; *published* and *limit* only where a row has one."""
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 72rem; margin: 2rem auto; padding: 0 1rem; }
 h1, h2 { line-height: 1.2; } h2 { margin-top: 3rem; border-top: 1px solid #ccc; padding-top: 1.5rem; }
@@ -62,6 +67,41 @@ def markdown(outcomes: Sequence[Outcome], facts: str) -> str:
     for outcome in outcomes:
         lines += _section(outcome)
     return "\n".join(lines) + "\n"
+
+
+def summary(outcomes: Sequence[Outcome], facts: str) -> str:
+    """Return a short page as Markdown: of each experiment the rows of its ``headline``, and its pictures.
+
+    A comment has the number of all rows and the digest of the whole section, so that a change of any figure shows.
+    """
+    lines = ["# The report, reproduced", "", facts, ""]
+    for outcome in outcomes:
+        lines += _summary_section(outcome)
+    return "\n".join(lines) + "\n"
+
+
+def digest(text: str) -> str:
+    """Return the first 16 hexadecimal digits of a text's SHA-256."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _summary_section(outcome: Outcome) -> list[str]:
+    experiment = outcome.experiment
+    section = _section(outcome)
+    lines = [*section[:4], experiment.about, ""]
+    if outcome.error:
+        return [*lines, section[4], ""]
+    rows = outcome.result.rows
+    shown = [cells(row, "") for row in rows if re.search(experiment.headline, f"{row.setting}|{row.quantity}")]
+    if shown:
+        columns = [i for i in _SUMMARY_COLUMNS if i not in (3, 6) or any(texts[i].strip("–") for texts in shown)]
+        for texts in (HEADINGS, ("---",) * len(HEADINGS), *shown):
+            lines.append("| " + " | ".join(_cell(texts[i]) for i in columns) + " |")
+        lines.append("")
+    lines += [f"<!-- {len(rows)} rows, sha256 {digest(chr(10).join(section))} -->", ""]
+    for figure in outcome.result.pictures:
+        lines += [f"![{figure.stem}]({figure.name})", ""]
+    return lines
 
 
 def _section(outcome: Outcome) -> list[str]:
@@ -115,8 +155,9 @@ def data(outcomes: Sequence[Outcome], about: dict[str, Any]) -> dict[str, Any]:
 
 
 def write(folder: Path, outcomes: Sequence[Outcome], facts: str, everything: dict[str, Any]) -> None:
-    """Write the page, as Markdown and as HTML, and the rows as JSON."""
+    """Write the page, as Markdown and as HTML, its summary, and the rows as JSON."""
     text = markdown(outcomes, facts)
     files.write_text(folder / MARKDOWN_FILE, text)
+    files.write_text(folder / SUMMARY_FILE, summary(outcomes, facts))
     files.write_text(folder / HTML_FILE, html(text))
     files.write_json(folder / JSON_FILE, everything)

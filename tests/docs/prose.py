@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Warns of long sentences in README, CONTRIBUTING and docs; part of ``make lint``. A warning is never an error.
+"""Warns of long sentences and of paraphrased terms in README, CONTRIBUTING and docs; part of ``make lint``.
+
+A warning is never an error.
 
 usage: python -m tests.docs.prose
 """
@@ -18,6 +20,18 @@ GENERATED = ("docs/reference/generated/", "docs/report/results.md")
 MOST_WORDS = 30
 """Of a sentence without a warning."""
 
+HABITS = {
+    r"set-points?": "setpoint",
+    r"dead[- ]band": "deadband",
+    r"host-in-the-loop": "software-in-the-loop (a process), hardware-in-the-loop (a board), HIL mode",
+    r"nobody|somebody|whoever": "the component, sender or client that is meant",
+    r"no longer|not any more|earlier version|as it was": "what is, without its history",
+    r"for ever": "continuous, permanently",
+    r"shall": "should, must, or the value",
+}
+"""Words that stand for a term of the field, and what is plainer."""
+
+_HABIT = re.compile(rf"\b({'|'.join(HABITS)})\b", re.IGNORECASE)
 _END = re.compile(r"(?<=[.!?])[\"')*]*\s+(?=[\"'(*`\[]*[A-Z0-9`])")
 _WORD = re.compile(r"[\"'(*\[]*[^\W\d_]{2,}([-'][^\W\d_]+)*[\"')*\].,:;!?]*")
 """Letters alone: a name in code, a number or a symbol of a formula is none."""
@@ -54,10 +68,22 @@ def words(sentence: str) -> int:
     return sum(1 for word in sentence.split() if _WORD.fullmatch(word))
 
 
+def habit(sentence: str) -> tuple[str, str] | None:
+    """Return the first paraphrase of a sentence, and what is plainer; None if there is none."""
+    found = _HABIT.search(sentence)
+    if found is None:
+        return None
+    return found[0], next(
+        plainer for words_, plainer in HABITS.items() if re.fullmatch(words_, found[0], re.IGNORECASE)
+    )
+
+
 def main() -> None:
-    """Print a line for each long sentence."""
+    """Print a line for each long sentence, and for each that paraphrases a term."""
     for name, text in pages().items():
         for sentence in sentences(text):
+            if found := habit(sentence):
+                print(f"warning: {name}: {found[0]!r}, plainer: {found[1]}: {sentence}")
             if words(sentence) > MOST_WORDS:
                 print(f"warning: {name}: {words(sentence)} words: {sentence}")
 

@@ -7,6 +7,7 @@ import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import socket
 import subprocess
@@ -18,14 +19,9 @@ import pytest
 from tests.native import ROOT
 
 PAGE = ROOT / "docs" / "guides" / "external-worlds.md"
-C_PAGE = PAGE.with_name("external-worlds-c.md")
+EXAMPLES = ROOT / "examples" / "external_world"
 BLOCKED = "import sys\nsys.modules.update(dict.fromkeys(('omniwheel', 'hil_sim', 'omni_schema', 'numpy')))\n"
-"""Whoever imports one of these gets an ImportError."""
-
-
-def code_of(page: str) -> str:
-    """Return the last Python block of the page."""
-    return str(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[-1])
+"""Importing one of these is an ImportError."""
 
 
 def shell_of(page: str, words: str) -> str:
@@ -65,13 +61,14 @@ def promised(page: str) -> str:
 @pytest.mark.full
 def test_the_example_is_typed_as_it_stands_and_drives_its_circle(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
-    (tmp_path / "circle.py").write_text(BLOCKED + code_of(page), encoding="utf-8")
+    (tmp_path / "circle.py").write_text(
+        BLOCKED + EXAMPLES.joinpath("circle.py").read_text(encoding="utf-8"), encoding="utf-8"
+    )
     assert type_in(shell_of(page, "python circle.py"), tmp_path).splitlines()[-1] == promised(page)
 
 
 def test_without_a_firmware_the_example_says_so(tmp_path: Path) -> None:
-    page = PAGE.read_text(encoding="utf-8")
-    code = code_of(page).replace("range(100)", "range(2)")
+    code = EXAMPLES.joinpath("circle.py").read_text(encoding="utf-8").replace("range(100)", "range(2)")
     (tmp_path / "circle.py").write_text(code, encoding="utf-8")
     (tmp_path / "robot.params").write_text("SYS_ID=1\n", encoding="utf-8")
     xml = str(ROOT / "shared" / "link" / "omni.xml")
@@ -84,13 +81,13 @@ def test_without_a_firmware_the_example_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.full
 def test_the_example_in_c_is_typed_as_it_stands_and_drives_its_circle(tmp_path: Path) -> None:
-    page = C_PAGE.read_text(encoding="utf-8")
-    program = re.search(r"```c\n(.*?)```", page, re.DOTALL)
-    assert program is not None
-    (tmp_path / "circle.c").write_text(program[1], encoding="utf-8")
+    page = PAGE.read_text(encoding="utf-8")
+    shutil.copy(EXAMPLES / "circle.c", tmp_path)
     build = shell_of(page, "cc -std").replace("cc -std", "cc -Wall -Wextra -Werror -std")
     type_in(build, tmp_path)
-    assert type_in(shell_of(page, "./circle"), tmp_path).splitlines()[-1] == promised(page)
+    run = shell_of(page, "python circle.py")
+    run = re.sub(r"python circle.py (\S+ \S+) omni.xml", r"./circle \1", run)
+    assert type_in(run, tmp_path).splitlines()[-1] == promised(page)
 
 
 @pytest.mark.full

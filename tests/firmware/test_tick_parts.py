@@ -97,7 +97,7 @@ def test_the_lamp_plays_its_pattern_every_two_seconds(parts: ctypes.CDLL, state:
 
 
 def test_the_documentation_shows_the_patterns(parts: ctypes.CDLL) -> None:
-    text = (ROOT / "docs" / "guides" / "teensy.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs" / "guides" / "bring-up.md").read_text(encoding="utf-8")
     shown = [int(bits[::-1], 2) for bits in re.findall(r"`([01]{20})`", text)]
     order = [
         ("init", True),

@@ -86,25 +86,11 @@ def errors_table(*, fixes: bool) -> list[str]:
     return lines
 
 
-def effort_table() -> list[str]:
-    """Return how long each preset is at a limit on real / on ideal wheels, and its chatter over the default's."""
-    lines = ["| Preset | three-wheel robot | four-wheel robot | fast robot |", "|---|---:|---:|---:|"]
-    for preset in PRESETS:
-        cells = []
-        for robot in ROBOTS:
-            real, ideal = (driven(preset, robot, ideal=ideal) for ideal in (False, True))
-            times = real.chatter / driven("default", robot).chatter
-            cells.append(f"{100.0 * real.at_limit:.1f} / {100.0 * ideal.at_limit:.1f} %, {times:.1f}")
-        lines.append(f"| `{preset}` | {' | '.join(cells)} |")
-    return lines
-
-
 def tables() -> dict[str, list[str]]:
     """Return the page's tables, of fresh runs."""
     assert sorted(PRESETS) == [name for name in preset_names() if not name.startswith("radio_")]
     return {
         "presets": errors_table(fixes=True),
-        "presets-effort": effort_table(),
         "presets-no-fixes": errors_table(fixes=False),
     }
 

@@ -39,7 +39,7 @@ from tests.mutation.records import GOLDEN, KILLED, REFUSED, SAME, SURVIVED, Resu
 from tests.native import ROOT
 
 RESULTS = OUT / "results.jsonl"
-PAGE = ROOT / "docs" / "checks" / "testing.md"
+PAGE = ROOT / "tests" / "mutation" / "results.md"
 AREAS = ("core", "app")
 SLOW_S = 1800.0
 """Longest silence of the unchanged program, when tests compile the firmware for the first time."""
@@ -268,7 +268,7 @@ def _options() -> Any:
     parser.add_argument("--so-far", action="store_true", help="run nothing, tell of those that have been run")
     parser.add_argument("--old-map", action="store_true", help="choose tests by the last measurement, however old")
     parser.add_argument("--recheck", action="store_true", help="carry no kill over from other sources")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/checks/testing.md")
+    parser.add_argument("--write", action="store_true", help="put the tables into results.md")
     parser.add_argument("--list", action="store_true", help="only say which mutants are in the sample")
     parser.add_argument("--verbose", action="store_true", help="say what became of each")
     return parser.parse_args()

@@ -23,7 +23,7 @@ def kept() -> dict[tuple[str, str], str]:
     (experiment,) = select([NAME])
     lines = sections(RESULTS.read_text(encoding="utf-8"))[experiment.title].splitlines()
     rows = [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
-    return {(cells[0], cells[1]): cells[4] for cells in rows if len(cells) == 9}
+    return {(cells[0], cells[1]): cells[4] for cells in rows if len(cells) == 5}
 
 
 def tables() -> dict[str, list[str]]:

@@ -3,18 +3,19 @@
 
 usage: python -m tests.omni_reproduce.kept_page [EXPERIMENT ...] [--write] [--results FILE.json]
 
-The same seeds give the same bits on every machine, so the sections must be equal to the letter: notes, rows, footnotes
-and names of pictures. What differs is printed as a diff, and the exit code is 1; with ``--write`` the page and its
-pictures get what is of today instead. An experiment whose section was equal is kept in ``--results`` and not run again
-until the section changes: so a run that was cut goes on where it was. Use another file for another commit. What cannot
-be run here (the real robot's logs lie beside the project, not in it) is named, and is no failure.
+The page is the summary of ``omni reproduce``. The same seeds give the same bits on every machine, so the sections must
+be equal to the letter: rows, names of pictures, and the digest of all rows, notes and footnotes. Differences are
+printed as a diff, and the exit code is 1; with ``--write`` the page and its pictures are updated instead. If only the
+digest differs, run ``omni reproduce EXPERIMENT`` of both commits and compare the two reproduction.md. An experiment
+whose section was equal is kept in ``--results`` and not run again until the section changes: so a run that was cut
+goes on where it was. Use another file for another commit. Experiments that cannot be run here (the real robot's logs
+are not part of the project) are named, and are no failure.
 """
 
 from __future__ import annotations
 
 import argparse
 import difflib
-import hashlib
 import json
 import re
 import sys
@@ -62,14 +63,9 @@ def with_section(markdown: str, title: str, body: str) -> str:
     """Return a page with another body under this title."""
     head, found, rest = markdown.partition(f"{_SECTION}{title}\n")
     if not found:
-        raise KeyError(f"{PAGE.name} has no section {title!r}: run `omni reproduce` and keep its page")
+        raise KeyError(f"{PAGE.name} has no section {title!r}: run `omni reproduce` and keep its summary")
     _, following, others = rest.partition(_SECTION)
     return f"{head}{found}\n{body}\n{following}{others}"
-
-
-def digest(text: str) -> str:
-    """Return what tells one text of a section from another."""
-    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def differences(title: str, kept: str, today: str) -> list[str]:
@@ -83,7 +79,7 @@ def section_of(experiment: Experiment, context: Context) -> str:
     (outcome,) = study.run_all([experiment], context, lambda _number, _share: None)
     if outcome.error:
         raise NotRunError(f"{outcome.error}; {outcome.hint}")
-    return as_kept(sections(page.markdown([outcome], ""))[experiment.title])
+    return as_kept(sections(page.summary([outcome], ""))[experiment.title])
 
 
 def keep_picture(made: Path, kept: Path) -> None:
@@ -112,7 +108,7 @@ class Comparison:
         """Compare one experiment, unless it is known to be equal."""
         text = PAGE.read_text(encoding="utf-8")
         kept = sections(text).get(experiment.title, "")
-        if self._equal.get(experiment.name) == digest(kept):
+        if self._equal.get(experiment.name) == page.digest(kept):
             say(f"{experiment.name}: equal, found by an earlier run")
             return
         begin = time.monotonic()
@@ -132,7 +128,7 @@ class Comparison:
         elif found:
             self.differ.append(experiment.name)
             return
-        self._equal[experiment.name] = digest(today)
+        self._equal[experiment.name] = page.digest(today)
         self._results.parent.mkdir(parents=True, exist_ok=True)
         self._results.write_text(json.dumps(self._equal, indent=1), encoding="utf-8")
 

@@ -13,15 +13,28 @@ from typing import Any
 
 import pytest
 
-from omni_reproduce.experiment import Context, Result
+from omni_reproduce import page
+from omni_reproduce.experiment import Context, Result, Row
 from omni_reproduce.registry import EXPERIMENTS, Experiment, select
+from omni_reproduce.study import Outcome
 from omniwheel.errors import OmniError
 from tests.omni_reproduce import kept_page
 
 QUICK_IN_FULL = ("models", "direct_torque", "diagrams")
 """Experiments that take seconds with all their seeds. What changes core or world changes some of these, too."""
-TITLE, NOTE = "Two", "Kept.\n\n| a | 1 |"
-KEPT = f"`omni reproduce two`\n\n{NOTE}"
+TITLE = "Two"
+TWO = Experiment("two", TITLE, "", about="What it is.", headline="shown")
+
+
+def result(shown: float, hidden: float = 1.0) -> Result:
+    return Result((Row("two", "a", "shown", "m", shown), Row("two", "a", "hidden", "m", hidden)))
+
+
+def section(made: Result) -> str:
+    return kept_page.sections(page.summary([Outcome(TWO, made, 0.0)], ""))[TITLE]
+
+
+KEPT = section(result(1.0))
 PAGE = f"# A page\n\n## One\n\nFirst.\n\n## {TITLE}\n\n{KEPT}\n\n## Three\n\nLast.\n"
 
 
@@ -54,60 +67,64 @@ def test_a_section_is_replaced_and_the_others_stay() -> None:
 
 
 class Stub:
-    """An experiment whose note is ``says``, or that lacks what it needs; counts its runs."""
+    """An experiment that gives ``made``, or without it lacks what it needs; counts its runs."""
 
-    def __init__(self, says: str) -> None:
-        self.says, self.runs = says, 0
+    def __init__(self, made: Result | None) -> None:
+        self.made, self.runs = made, 0
 
     def __call__(self, _context: Context) -> Result:
         self.runs += 1
-        if not self.says:
+        if self.made is None:
             raise OmniError("no logs", hint="fetch them")
-        return Result((), notes=(self.says,))
+        return self.made
 
 
 @pytest.fixture
 def compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Compares a stub with the page above; returns what was noted, after as many runs as asked."""
-    page = tmp_path / "page.md"
-    page.write_text(PAGE, encoding="utf-8")
-    monkeypatch.setattr(kept_page, "PAGE", page)
+    kept = tmp_path / "page.md"
+    kept.write_text(PAGE, encoding="utf-8")
+    monkeypatch.setattr(kept_page, "PAGE", kept)
 
     def compare(stub: Stub, *, write: bool = False) -> kept_page.Comparison:
         monkeypatch.setattr(Experiment, "run", lambda _self, context: stub(context))
         comparison = kept_page.Comparison(tmp_path / "results.json", write)
-        comparison.take(Experiment("two", TITLE, ""), Context(tmp_path))
+        comparison.take(TWO, Context(tmp_path))
         return comparison
 
     return compare
 
 
 def test_one_changed_digit_is_a_difference(compared: Any, capsys: pytest.CaptureFixture[str]) -> None:
-    assert compared(Stub(NOTE.replace("1", "2"))).differ == ["two"]
-    assert "-| a | 1 |\n+| a | 2 |" in capsys.readouterr().out
-    assert compared(Stub(NOTE)).differ == []
+    assert compared(Stub(result(1.01))).differ == ["two"]
+    assert "-| a | shown | m | 1.00 |\n+| a | shown | m | 1.01 |" in capsys.readouterr().out
+    assert compared(Stub(result(1.0))).differ == []
+
+
+def test_a_row_that_the_summary_leaves_out_is_compared_too(compared: Any) -> None:
+    assert compared(Stub(result(1.0, hidden=1.01))).differ == ["two"]
 
 
 def test_what_was_equal_is_not_run_again_until_its_section_changes(compared: Any, tmp_path: Path) -> None:
-    stub = Stub(NOTE)
+    stub = Stub(result(1.0))
     compared(stub)
     compared(stub)
     assert stub.runs == 1
-    (tmp_path / "page.md").write_text(PAGE.replace("| a | 1 |", "| a | 3 |"), encoding="utf-8")
+    (tmp_path / "page.md").write_text(PAGE.replace("| m | 1.00 |", "| m | 3.00 |"), encoding="utf-8")
     assert compared(stub).differ == ["two"]
     assert stub.runs == 2
 
 
 def test_what_is_written_is_equal_afterwards(compared: Any, tmp_path: Path) -> None:
-    assert compared(Stub("New."), write=True).differ == []
-    assert (tmp_path / "page.md").read_text(encoding="utf-8") == PAGE.replace(NOTE, "New.")
+    assert compared(Stub(result(2.0)), write=True).differ == []
+    assert (tmp_path / "page.md").read_text(encoding="utf-8") == PAGE.replace(KEPT, section(result(2.0)))
     assert json.loads((tmp_path / "results.json").read_text(encoding="utf-8")).keys() == {"two"}
 
 
 def test_what_cannot_be_run_here_is_named_and_is_neither_equal_nor_different(
     compared: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    comparison = compared(Stub(""))
+    comparison = compared(Stub(None))
     assert (comparison.not_run, comparison.differ) == (["two"], [])
     assert "two: not run: no logs; fetch them" in capsys.readouterr().out
     assert not (tmp_path / "results.json").exists()

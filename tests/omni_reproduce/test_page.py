@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: MIT
 import json
+import re
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -41,6 +43,20 @@ def test_every_row_is_in_the_page_and_equal_explanations_appear_once() -> None:
     assert text.count("one | two") == 1
     assert "![fig10](fig10.png)" in text
     assert "1.01" in text  # ours over published
+
+
+def test_the_summary_has_the_headline_rows_their_columns_and_the_digest_of_everything() -> None:
+    experiment = registry.Experiment("table2", "A title", "nowhere", about="What it is.", headline=r"law\|x")
+    other = replace(outcome(), experiment=experiment)
+    text = page.summary([other], "facts")
+    table = [line for line in text.splitlines() if line.startswith("|")]
+    assert table[0] == "| setting | quantity | unit | ours | limit |"
+    assert [line.split(" | ")[:2] for line in table[2:]] == [["| corrected law", "x RMSE"]]
+    assert "What it is." in text
+    assert "![fig10](fig10.png)" in text
+    changed = replace(other, result=replace(other.result, rows=(*ROWS[:-1], replace(ROWS[2], ours=1.0))))
+    digests = [re.findall("<!-- 3 rows, sha256 (.*) -->", page.summary([each], "")) for each in (other, changed)]
+    assert len({found for (found,) in digests}) == 2, "a row that the summary does not show has changed"
 
 
 def test_html_is_escaped_and_holds_the_table_and_the_picture() -> None:

@@ -44,10 +44,8 @@ def _oe_row(pull_up_ohm: float) -> str:
 def pages(docs: Path) -> dict[Path, str]:
     """Return what each file below ``docs`` should hold; ValueError if a page has lost its marks."""
     table = connections(plan_wiring(read_robot(ROBOT)))
-    pins = tuple(row for row in table if "Teensy" in row.start + row.end)
     parts = {
         docs / "guides" / "bring-up.md": (WIRING, markdown(table)),
-        docs / "guides" / "teensy.md": (WIRING, markdown(pins)),
         docs / "guides" / "robot-file.md": (OE, oe_table()),
     }
     texts = {page: _with_part(page.read_text(encoding="utf-8"), *part) for page, part in parts.items()}

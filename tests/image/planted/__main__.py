@@ -74,7 +74,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--only", action="append", default=[], metavar="NAME", help="these bugs")
     parser.add_argument("--survivors", action="store_true", help="look again for what was not found")
     parser.add_argument("--quick", action="store_true", help="leave out the checks that take long")
-    parser.add_argument("--write", action="store_true", help="put the table into docs/checks/image.md")
+    parser.add_argument("--write", action="store_true", help="put the table into found.md")
     parser.add_argument("--results", type=Path, default=FOLDER / "results.json", help="what has been found so far")
     parser.add_argument("--depth", default="ci", help="of the checks: short, ci or nightly")
     parser.add_argument("--workers", type=int, default=2, help="images that are searched at the same time")

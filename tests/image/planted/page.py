@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What docs/checks/image.md says of the planted bugs."""
+"""What found.md says of the planted bugs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from tests.image.planted.bugs import ROOT, Bug
 from tests.image.planted.search import Result
 
-PAGE = ROOT / "docs" / "checks" / "image.md"
+PAGE = ROOT / "tests" / "image" / "planted" / "found.md"
 BEGIN, END = "<!-- planted: python -m tests.image.planted --write -->\n", "<!-- /planted -->"
 NO_VERDICT = "no verdict yet: not run to its end"
 

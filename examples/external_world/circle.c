@@ -1,40 +1,4 @@
-# Another simulator in C
-
-This page is a complete simulator for the firmware, in C with POSIX sockets and MAVLink's generated headers. [Other
-simulators](external-worlds.md) explains every step of the exchange. This example takes [the short
-way](external-worlds.md#motors): it uses `duty` and `coast` as numbers, and of the PWM chip it keeps one register. The
-example in Python on that page simulates the whole chip.
-
-Save the program below as `circle.c`. pymavlink's generator makes the headers. `omni.xml` has only our own messages,
-so one line of XML includes it together with MAVLink's `common.xml`:
-
-```sh
-pip install pymavlink
-cp "$(python -c 'from omniwheel.paths import dialect_dir; print(dialect_dir())')/omni.xml" .
-cp "$(python -c 'import pymavlink.dialects.v20 as d; print(list(d.__path__)[0])')"/{common,standard,minimal}.xml .
-echo '<mavlink><include>common.xml</include><include>omni.xml</include><messages/></mavlink>' > robot.xml
-python -m pymavlink.tools.mavgen --lang C --wire-protocol 2.0 --output headers robot.xml
-cc -std=gnu11 -O2 -isystem headers/robot circle.c -lm -o circle
-```
-
-Then, with the robot `three_wheel` and a circle as its path:
-
-```sh
-omni robots params three_wheel > robot.params
-printf 'TRJ_TYPE=3\nTRJ_SIZE=0.05\nTRJ_PERIOD=8\nTRJ_ROT=0\n' >> robot.params
-FIRMWARE=$(python -c "from omniwheel.paths import firmware_path; print(firmware_path())")
-"$FIRMWARE" --params robot.params --link tcp:127.0.0.1:5760 --lockstep &
-./circle 127.0.0.1 5760 robot.params
-kill %1
-```
-
-It ends with this line. The circle takes 8 s; speeding up and slowing down take the rest:
-
-```text
-path driven in 10.0 s, position RMSE 0.004 mm
-```
-
-```c
+// SPDX-License-Identifier: MIT
 /* A robot in a few lines of physics around Omniwheel's firmware: ./circle HOST PORT robot.params */
 #include <math.h>
 #include <netdb.h>
@@ -50,7 +14,9 @@ path driven in 10.0 s, position RMSE 0.004 mm
 enum { WHEELS = 3, CHIP = 0x40, MODE1 = 0x00, GROUND_STATION = 254 };
 static const double PI = 3.14159265358979323846, TICK_s = 1e-3;
 
-typedef struct { double x, y, theta, speed[WHEELS], angle[WHEELS]; } plant_t;
+typedef struct {
+    double x, y, theta, speed[WHEELS], angle[WHEELS];
+} plant_t;
 
 static plant_t plant = {.x = 0.05}; /* where the robot stands [m, m, rad] */
 static int wire;
@@ -137,8 +103,8 @@ static void send_sensors(void) {
     }
     if (ticks % 20 == 0) { /* a fix goes before the sensors of its tick; North, East, Down: y and yaw change sign */
         float covariance[21] = {NAN};
-        mavlink_msg_vicon_position_estimate_pack(GROUND_STATION, 1, &message, time_us, (float)plant.x,
-                                                 (float)-plant.y, 0, 0, 0, (float)-plant.theta, covariance);
+        mavlink_msg_vicon_position_estimate_pack(GROUND_STATION, 1, &message, time_us, (float)plant.x, (float)-plant.y,
+                                                 0, 0, 0, (float)-plant.theta, covariance);
         send_message(&message);
     }
     mavlink_omni_hil_sensors_t sensors = {.time_us = time_us, .sequence = ticks, .counts_valid = 7};
@@ -255,4 +221,3 @@ int main(int count, char **words) {
     printf("path driven in %.1f s, position RMSE %.3f mm\n", driven * TICK_s, 1e3 * sqrt(squares / (driven + !driven)));
     return 0;
 }
-```
