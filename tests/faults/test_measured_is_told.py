@@ -12,9 +12,10 @@ from unittest.mock import patch
 import pytest
 from typer.testing import CliRunner, Result
 
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.cli import app
 from omniwheel.errors import OutputFileError
+from omniwheel.robot import connect
 from tests.faults.commands import CASES
 
 FULL = "/dev/full"

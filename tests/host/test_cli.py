@@ -16,8 +16,9 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.cli import app
+from omniwheel.robot import connect
 from omniwheel.telemetry import Heartbeat
 from tests.waiting import wait_until
 

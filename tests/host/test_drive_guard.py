@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omniwheel import Robot, connect
 from omniwheel.cli.drive import _until_done
 from omniwheel.dialect import mavlink
 from omniwheel.errors import OmniError, StoppedError
 from omniwheel.identification.live import excite
+from omniwheel.robot import Robot, connect
 from omniwheel.tuning import Experiment
 from tests.host import stepped
 from tests.host.conftest import FakeRobot

@@ -16,10 +16,11 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.cli import app
 from omniwheel.errors import HistoryError, OutputFileError, ParameterRefusedError
 from omniwheel.history import ChangeRecorder, RobotHistory, history_file
+from omniwheel.robot import Robot, connect
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from omniwheel import connect
+from omniwheel.robot import connect
 from tests.hub.parts import omni
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "guides" / "python-api.md"

@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.cli import app
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ParameterRangeError, ParameterRefusedError
 from omniwheel.hub.followed import FollowedRobot
+from omniwheel.robot import Robot, connect
 from tests.host.shared_line import shared_line
 from tests.host.two_robots import FIRST, SECOND, TwoRobots
 

@@ -15,7 +15,6 @@ from typer.testing import CliRunner
 
 from omniwheel.cli import app
 from omniwheel.dialect import mavlink
-from omniwheel.drive_log.record import read_record, record_of
 from omniwheel.errors import LogError
 from omniwheel.identification.sources import read_dataset
 from omniwheel.log_sources import open_log, read_tlog
@@ -26,6 +25,7 @@ from omniwheel.studio.recorded_log import RecordedLog
 from omniwheel.studio.samples import SampleStore
 from omniwheel.studio.spectra import TooFewSamplesError, spectrum
 from omniwheel.telemetry import Tracking, decode
+from omniwheel.telemetry_record import read_record, record_of
 from omniwheel.tlog_reader import STAMP, RobotClock, TlogReader
 
 ROBOT = read_robot("three_wheel")

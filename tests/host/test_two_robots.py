@@ -8,7 +8,6 @@ import json
 import pytest
 from typer.testing import CliRunner, Result
 
-from omniwheel import connect
 from omniwheel.cli import app
 from omniwheel.cli.group import _options_first
 from omniwheel.default_system import default_system
@@ -18,6 +17,7 @@ from omniwheel.frames import Pose
 from omniwheel.hub.core import HubSettings
 from omniwheel.mocap.bridge import Bridge
 from omniwheel.mocap.source import MocapPose
+from omniwheel.robot import connect
 from tests.host.two_robots import FIRST, SECOND, TwoRobots, everybody_connects_to
 from tests.hub.bench import Bench
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.dialect import Message
-from omniwheel.drive_log.record import EventWatcher, parameters_beside
 from omniwheel.errors import LogError
 from omniwheel.pose_jumps import NEAR_S, PoseJump, geometry_of, jumps_of, steps_of
 from omniwheel.studio.log_frames import LONGEST_RECORD, Array, Clock, Kind, Piece, read_piece
@@ -22,6 +21,7 @@ from omniwheel.studio.marks import Marks
 from omniwheel.studio.samples import Trace, extremes, thinned
 from omniwheel.studio.signals import MOST_WHEELS, Signal, all_signals, signals_of
 from omniwheel.telemetry import Control, Tracking, Wheels
+from omniwheel.telemetry_record import EventWatcher, parameters_beside
 
 PIECE_BYTES = 1 << 20
 MOST_PIECES = 32

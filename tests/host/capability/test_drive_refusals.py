@@ -12,13 +12,14 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner, Result
 
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.capability import drive_model
 from omniwheel.capability.reach import check_velocity, travel_time_s
 from omniwheel.cli import app
 from omniwheel.cli.keyboard import KeyDriver, _Keys, split_keys
 from omniwheel.errors import LimitError
 from omniwheel.frames import Pose, Twist
+from omniwheel.robot import connect
 from omniwheel.robots import read_robot
 from omniwheel.telemetry import Tracking
 
