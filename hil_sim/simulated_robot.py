@@ -25,8 +25,9 @@ from hil_sim.sitl import Sitl, start_sitl
 from hil_sim.world import World
 from omni_schema import Robot
 from omniwheel.errors import OmniError
+from omniwheel.firmware_child import FirmwareChild
 from omniwheel.firmware_process import FirmwareProcess
-from omniwheel.frames import Pose
+from omniwheel.frames import Pose, Twist
 from omniwheel.link import Link
 
 DEFAULT_SCENARIO = "sitl"
@@ -44,17 +45,24 @@ class Simulation:
     """
 
     def __init__(
-        self, link: Link | str, clock: Callable[[], float] | None, urls: tuple[str, ...], world: World
+        self, link: Link | str, clock: Callable[[], float] | None, world: World, firmware: FirmwareChild
     ) -> None:
         self.link = link
         self.clock = clock
-        self.urls = urls
+        self.urls: tuple[str, ...] = ()
+        self.firmware = firmware
+        """The process of the firmware."""
         self._world = world
 
     @property
     def true_pose(self) -> Pose:
         """Where the robot really is; theta is not wrapped."""
         return Pose(*map(float, self._world.truth))
+
+    @property
+    def true_twist(self) -> Twist:
+        """Its true velocity in the world's frame."""
+        return Twist(*map(float, self._world.twist))
 
     @property
     def time_s(self) -> float:
@@ -78,8 +86,8 @@ class Simulation:
 
 
 class _Stepped(Simulation):
-    def __init__(self, link: SteppedLink, world: World, live: LiveWorld) -> None:
-        super().__init__(link, link.clock_s, (), world)
+    def __init__(self, link: SteppedLink, world: World, live: LiveWorld, firmware: FirmwareChild) -> None:
+        super().__init__(link, link.clock_s, world, firmware)
         self._live = live
 
     def _obey(self, line: str) -> None:
@@ -89,8 +97,9 @@ class _Stepped(Simulation):
 class _RealTime(Simulation):
     """Its world runs in a thread of its own."""
 
-    def __init__(self, running: Sitl, world: World) -> None:
-        super().__init__(running.urls[0], None, running.urls[1:], world)
+    def __init__(self, running: Sitl) -> None:
+        super().__init__(running.urls[0], None, running.world, running.firmware)
+        self.urls = running.urls[1:]
         self._running = running
         self._lines: Queue[tuple[str, Queue[OmniError | None]]] = Queue()
         self._ending = threading.Event()
@@ -155,7 +164,7 @@ def simulated(
     outside = load_world(world, plan) if isinstance(world, str) else world
     if real_time:
         with start_sitl(plan, [LINK, LINK], world=outside) as running:
-            simulation = _RealTime(running, running.world)
+            simulation = _RealTime(running)
             try:
                 yield simulation
             finally:
@@ -172,7 +181,7 @@ def _stepped(plan: Scenario, outside: ExternalWorld | None) -> Iterator[Simulati
         link = SteppedLink(firmware.open_link(), around)
         link.end_s = math.inf
         try:
-            yield _Stepped(link, around, LiveWorld(plan, link, around))
+            yield _Stepped(link, around, LiveWorld(plan, link, around), firmware)
         finally:
             link.close()
             if outside is not None:

@@ -50,7 +50,7 @@ class _Awaited:
     def __dir__(self) -> list[str]:
         return sorted({*super().__dir__(), *dir(self._wrapped)})
 
-    async def _await(self, _name: str, method: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+    async def _await(self, name: str, method: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
         return await asyncio.to_thread(method, *arguments, **named)
 
 

@@ -396,6 +396,9 @@ class Motion:
         """Serve the link for a moment, then :meth:`check`."""
         self._robot.pump(min(SETPOINT_PERIOD_S, at_most_s))
         self.check()
+        self._show()
+
+    def _show(self) -> None:
         while self._progress is not None and self._shown < len(self._rows):
             self._shown += 1
             self._progress(self._rows[self._shown - 1])
@@ -452,6 +455,7 @@ class Motion:
                 tracking, row = self._rows[row], row + 1
                 started = started or tracking.phase in ("lead-in", "path")
                 if started and tracking.phase == "done":
+                    self._show()
                     return
                 if started and (tracking.phase == "none" or tracking.path_time_s < path_s - _BACK_S):
                     self.check()

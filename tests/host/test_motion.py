@@ -51,7 +51,8 @@ def test_a_square_ends_where_it_began_and_the_robot_holds(robot: SimulatedRobot,
     for x, y in SQUARE:
         side = robot.drive_to(x, y, speed=speed)
         assert is_near(robot, x, y, 0.0)
-        assert side.goal == (x, y, pytest.approx(0.0, abs=NEAR_RAD))
+        assert side.goal is not None
+        assert side.goal[:2] == (x, y)
         assert 0.4 < side.distance_m < 0.6
     assert rests(robot)
     assert robot.status.mode == "hold"
@@ -155,9 +156,10 @@ def test_what_cannot_be_is_refused_with_limit_and_numbers(robot: SimulatedRobot)
 
 def test_a_robot_that_is_not_armed_does_not_drive() -> None:
     with sync.simulate() as robot:
-        for drive in (lambda: robot.drive_to(1.0, 0.0), lambda: robot.velocity(0.1, 0.0, 0.0)):
-            with pytest.raises(DriveError):
-                drive()
+        with pytest.raises(DriveError):
+            robot.drive_to(1.0, 0.0)
+        with pytest.raises(DriveError):
+            robot.velocity(0.1, 0.0, 0.0)
         robot.stop()
         assert not robot.armed
 
@@ -165,7 +167,7 @@ def test_a_robot_that_is_not_armed_does_not_drive() -> None:
 def test_one_that_is_late_says_where_it_is_and_holds(robot: SimulatedRobot) -> None:
     with pytest.raises(NotArrivedError) as caught:
         robot.drive_to(2.0, 0.0, timeout_s=robot.travel_time_s(Pose(2.0, 0.0, 0.0)) - 2.9)
-    assert caught.value.goal == (2.0, 0.0, pytest.approx(0.0, abs=NEAR_RAD))
+    assert caught.value.goal[:2] == (2.0, 0.0)
     assert 0.0 < caught.value.pose.x < 2.0
     assert rests(robot)
 
@@ -197,7 +199,7 @@ def test_a_profile_goes_from_start_to_goal_within_its_speeds(
     assert np.hypot(twists[:, 0], twists[:, 1]).max() <= speed * (1 + 1e-9)
     assert np.abs(twists[:, 2]).max() <= turn_rate * (1 + 1e-9)
     poses = np.array([way.at(time_s)[0] for time_s in times])
-    driven = np.trapezoid(twists, times, axis=0) if hasattr(np, "trapezoid") else np.trapz(twists, times, axis=0)
+    driven = (0.5 * (twists[1:] + twists[:-1]) * np.diff(times)[:, None]).sum(axis=0)
     turned = math.remainder(goal.theta - start.theta, math.tau)
     wanted = [goal.x - start.x, goal.y - start.y, turned]
     assert driven == pytest.approx(wanted, abs=0.02 * max(1.0, np.abs(wanted).max()))
