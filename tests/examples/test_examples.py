@@ -53,7 +53,7 @@ def test_an_example_runs_and_says_what_it_should(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setitem(os.environ, "MPLBACKEND", "agg")
-    monkeypatch.setattr(sys, "argv", [f"{name}.py", *ARGUMENTS.get(name, lambda _: [])(tmp_path)])
+    monkeypatch.setattr(sys, "argv", [f"{name}.py", *(ARGUMENTS[name](tmp_path) if name in ARGUMENTS else [])])
     runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
     assert CHECKS[name](capsys.readouterr().out)
 

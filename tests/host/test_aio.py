@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The face with ``await``: the same methods, an event loop that goes on meanwhile, and motions that can be cancelled."""
+"""The face with ``await``: the same methods in an event loop that goes on, and motions that can be cancelled."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from omniwheel import Robot, aio
 from omniwheel.errors import DriveError
 from omniwheel.telemetry import Tracking
-from tests.waiting import LONGEST_S
+from tests.waiting import LONGEST_S, pass_time
 
 PATIENT = {"SAFE_CMD_TO": 10.0, "SAFE_LINK_TO": LONGEST_S}
 
@@ -43,7 +43,7 @@ def test_a_motion_that_is_cancelled_brings_the_robot_to_rest() -> None:
             await robot.arm()
             drive = asyncio.ensure_future(robot.drive_to(3.0, 0.0, speed=0.3))
             while robot.pose.x < 0.05:
-                await asyncio.sleep(0.02)
+                await asyncio.to_thread(pass_time)
             drive.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await drive

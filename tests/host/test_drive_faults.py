@@ -28,12 +28,20 @@ DRIVES: dict[str, Callable[[SimulatedRobot], object]] = {
     "drive": lambda robot: robot.drive(0.2, 0.0, 0.3, duration_s=30.0),
     "follow": lambda robot: robot.follow([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0)], speed=0.3),
     "follow_trajectory": lambda robot: robot.follow_trajectory("circle"),
-    "velocity": lambda robot: (robot.velocity(0.2, 0.0, 0.0), robot.sleep(4.0), robot.hold(), robot.drive_to(0, 0)),
+    "velocity": lambda robot: drive_on_and_back(robot),
 }
 
 
+def drive_on_and_back(robot: SimulatedRobot) -> None:
+    """Use a motion that nobody waits for; the next one says what became of it."""
+    robot.velocity(0.2, 0.0, 0.0)
+    robot.sleep(4.0)
+    robot.hold()
+    robot.drive_to(0.0, 0.0)
+
+
 def pull_the_cable(robot: SimulatedRobot) -> None:
-    def read(_timeout_s: float) -> bytes:
+    def read(timeout_s: float) -> bytes:
         raise LinkLostError("lost the serial port", hint="was it unplugged?")
 
     robot.connection.link.read = read  # type: ignore[method-assign]

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -38,7 +37,7 @@ class PatientRobot(FakeRobot):
         with self._turn:
             data = super().read(timeout_s)
         if not data:
-            time.sleep(min(timeout_s, 0.005))
+            pass_time(min(timeout_s, 0.005))
         return data
 
     def write(self, data: bytes) -> None:

@@ -135,20 +135,22 @@ def test_what_cannot_be_is_refused_with_limit_and_numbers(robot: SimulatedRobot)
     assert caught.value.limit in ("LIM_V", "LIM_WHEEL", "motors")
     assert caught.value.asked == 9.0
     assert 0.5 < caught.value.possible < 9.0
-    for refused in (
+    impossible: tuple[Callable[[], object], ...] = (
         lambda: robot.drive_to(0.5, 0.0, speed=9.0),
         lambda: robot.velocity(0.0, 9.0, 0.0),
         lambda: robot.drive_to(1e3, 0.0),
         lambda: robot.drive_to(5.0, 0.0, timeout_s=0.1),
-    ):
+    )
+    for refused in impossible:
         with pytest.raises(LimitError) as caught:
             refused()
         assert caught.value.asked != caught.value.possible
-    for bad in (
+    wrong: tuple[Callable[[], object], ...] = (
         lambda: robot.drive_to(math.nan, 0.0),
         lambda: robot.drive_to(0.1, 0.0, speed=-1.0),
         lambda: robot.drive_to(0.1, 0.0, frame="room"),
-    ):
+    )
+    for bad in wrong:
         with pytest.raises(SetpointError):
             bad()
     assert rests(robot)
