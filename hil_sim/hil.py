@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import omniwheel
+import omniwheel.robot
 from hil_sim import core
 from hil_sim.external import ExternalWorld, OutsideWorld, outside_world
 from hil_sim.image_firmware import ImageFirmware
@@ -40,10 +40,10 @@ from omniwheel.firmware_process import FirmwareProcess
 from omniwheel.link import FileLink, open_link
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Status, decode
-from omniwheel.tlog import TlogWriter
+from omniwheel.tlog import SIMULATED_EPOCH_US, TlogWriter
 
-EPOCH_US = 1_704_067_200_000_000
-"""2024-01-01 00:00 UTC: where simulated time starts in a log."""
+EPOCH_US = SIMULATED_EPOCH_US
+"""Where simulated time starts in a log."""
 
 SERVICE_TICKS = 10
 """Heartbeats are sent and messages taken this often."""
@@ -325,7 +325,7 @@ def _own_firmware(scenario: Scenario, emulated: bool) -> Iterator[FileLink]:
 @contextmanager
 def _linked_firmware(scenario: Scenario, url: str) -> Iterator[FileLink]:
     base = open_link(url)
-    with omniwheel.connect(base, system_id=default_system()) as robot:
+    with omniwheel.robot.connect(base, system_id=default_system()) as robot:
         _free(robot)
         wanted = scenario.parameter_values()
         wanted["SYS_ID"] = robot.parameters["SYS_ID"]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.external import ExternalWorld, outside_world
 from hil_sim.live_world import LiveWorld
 from hil_sim.lockstep import LockstepLink
@@ -115,6 +115,7 @@ class Sitl:
     link: LockstepLink
     live: LiveWorld
     run: Callable[[int], None]
+    world: World
     radio: RadioBridge | None = None
     stopped: bool = False
 
@@ -171,7 +172,8 @@ def _start_emulated(
             link = LockstepLink(base, world, realtime_factor=realtime_factor)
             link.run(1)
             live = LiveWorld(scenario, link, world)
-            yield Sitl(firmware.urls[:-1], firmware, link, live, partial(link.run, between=link.drop_received))
+            run = partial(link.run, between=link.drop_received)
+            yield Sitl(firmware.urls[:-1], firmware, link, live, run, world)
         finally:
             base.close()
 
@@ -200,9 +202,9 @@ def _start_process(
             bridge = stack.enter_context(RadioBridge(behind, radio.settings, address, seed=radio.seed))
             urls = (urls[0], bridge.url)
         base = open_link(firmware.urls[-1])
-        robot = stack.enter_context(omniwheel.connect(base, heartbeat=False))
+        robot = stack.enter_context(omniwheel.robot.connect(base, heartbeat=False))
         link = LockstepLink(base, world, realtime_factor=realtime_factor)
         loop = _Loop(robot, link)
         stopped = loop.outside
         loop.run(1)
-        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), loop.run, bridge, stopped)
+        yield Sitl(urls, firmware, link, LiveWorld(scenario, link, world), loop.run, world, bridge, stopped)

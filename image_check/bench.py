@@ -110,7 +110,7 @@ class Bench:
                 pass
 
     def connect(self, channel: Channel = Channel.USB, *, heartbeat: bool = True) -> Robot:
-        """Open a link as a ground station does. Raises what :func:`omniwheel.connect` raises."""
+        """Open a link as a ground station does. Raises what :func:`omniwheel.robot.connect` raises."""
         if channel == Channel.USB:
             self.machine.usb_open(True)
         link = MachineLink(self, channel)

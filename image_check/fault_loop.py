@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.fault_bench import FaultResult, RunningFirmware, run_case
 from hil_sim.fault_cases import CASES
 from hil_sim.hil import AT_REST
@@ -39,7 +39,7 @@ def flashed(image: Path) -> Callable[..., AbstractContextManager[RunningFirmware
     def start(*, parameters: dict[str, float], lockstep: bool) -> Iterator[RunningFirmware]:
         with ImageFirmware(image, CASES_ROBOT, lockstep=lockstep, scenario=AT_REST) as running:
             link = running.open_link()
-            robot = omniwheel.connect(link)
+            robot = omniwheel.robot.connect(link)
             before = dict(robot.parameters)
             wanted = {**parameters, "SYS_ID": before["SYS_ID"]}
             robot.parameters.set_many({name: value for name, value in wanted.items() if before.get(name) != value})

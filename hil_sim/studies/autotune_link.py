@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import Scenario
@@ -106,12 +106,12 @@ def reached_robot(scenario: Scenario, way: Way) -> Iterator[tuple[Robot, Stepped
     if way.emulated:
         with EmulatedFirmware(parameters=parameters, links=[DIRECT], lockstep=True) as firmware:
             link = _endless(firmware.open_link(), scenario)
-            with omniwheel.connect(link, clock=link.clock_s) as robot:
+            with omniwheel.robot.connect(link, clock=link.clock_s) as robot:
                 yield robot, link
     elif way.radio is None:
         with FirmwareProcess(parameters=parameters, links=[TCP], lockstep=True) as firmware:
             link = _endless(firmware.open_link(), scenario)
-            with omniwheel.connect(link, clock=link.clock_s) as robot:
+            with omniwheel.robot.connect(link, clock=link.clock_s) as robot:
                 yield robot, link
     else:
         parameters |= radio_parameters(way.radio.baud)
@@ -120,7 +120,7 @@ def reached_robot(scenario: Scenario, way: Way) -> Iterator[tuple[Robot, Stepped
             behind = firmware.open_link(0)
             link = _endless(firmware.open_link(1), scenario)
             radio = RadioLink(link, behind, way.radio, scenario.seed)
-            with omniwheel.connect(radio, clock=radio.clock_s, timeout_s=RADIO_TIMEOUT_S) as robot:
+            with omniwheel.robot.connect(radio, clock=radio.clock_s, timeout_s=RADIO_TIMEOUT_S) as robot:
                 yield robot, link
 
 

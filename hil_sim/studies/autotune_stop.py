@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.studies.autotune_robot import TEXT
@@ -112,7 +112,7 @@ def _stopped(seed: int, settings: Settings, kind: str, moment_s: float) -> NDArr
         with FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], lockstep=True, storage=storage) as firmware:
             link = StoppedLink(firmware.open_link(), world)
             link.end_s, link.kind = math.inf, kind
-            robot = omniwheel.connect(link, clock=link.clock_s)
+            robot = omniwheel.robot.connect(link, clock=link.clock_s)
             before = {name: robot.parameters[name] for name in CHANGED}
             begun_s = link.clock_s()
             link.moment_s = begun_s + moment_s
@@ -142,7 +142,7 @@ def _tuned(robot: Robot, settings: Settings) -> str:
 def _parameters(link: StoppedLink) -> dict[str, float]:
     """Return the robot's parameters, asked anew once its cable is in again."""
     link.kind = ""
-    robot = omniwheel.connect(link, clock=link.clock_s)
+    robot = omniwheel.robot.connect(link, clock=link.clock_s)
     robot.parameters.forget()
     return {name: robot.parameters[name] for name in CHANGED}
 
@@ -150,6 +150,6 @@ def _parameters(link: StoppedLink) -> dict[str, float]:
 def _after_power_cycle(values: dict[str, float], storage: Path) -> dict[str, float]:
     with (
         FirmwareProcess(parameters=values, links=["tcp:127.0.0.1:0"], storage=storage) as firmware,
-        omniwheel.connect(firmware.urls[0]) as robot,
+        omniwheel.robot.connect(firmware.urls[0]) as robot,
     ):
         return {name: robot.parameters[name] for name in CHANGED}

@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: MIT
-"""Host tools for Omniwheel robots: connect, tune, simulate, record and plot.
+"""Drive, tune, simulate, record and plot Omniwheel robots.
 
 >>> import omniwheel
->>> with omniwheel.connect("tcp:127.0.0.1:5760") as robot:   # doctest: +SKIP
-...     robot.parameters["ISMC_LAM_XY"] = 15.0
+>>> with omniwheel.simulate("fast_three_wheel") as robot:   # doctest: +SKIP
 ...     robot.arm()
-...     robot.drive_velocity(0.1, 0.0, 0.0, duration_s=2.0)
+...     robot.drive_to(0.5, 0.0, speed=0.5)
+...     robot.drive(0.0, 0.2, 0.0, duration_s=2.0)
+...     print(robot.pose, robot.battery_V, robot.state)
+...     robot.run.save("drive.csv")
 
-:func:`connect` and :class:`Robot` are the API; :mod:`omniwheel.errors` draws the exception tree.
+:func:`connect` gives a :class:`Robot`, :func:`simulate` a simulated one, :func:`load` a recorded :class:`Run`. Metres,
+seconds, radians; poses in the world's frame. A thread serves the link: the program may sleep and compute.
+:mod:`omniwheel.sync` is the same without a thread, :mod:`omniwheel.aio` with ``await``. Everything that goes wrong on
+purpose is an :class:`OmniError`; :mod:`omniwheel.errors` draws the tree.
 """
 
 from __future__ import annotations
@@ -16,22 +21,59 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from omniwheel.errors import OmniError
+    from omniwheel import aio, errors, sync
+    from omniwheel.background import connect, simulate
+    from omniwheel.driven import Driven
+    from omniwheel.errors import DriveError, LimitError, LinkError, NotArrivedError, OmniError, StoppedError
     from omniwheel.firmware_process import FirmwareProcess
     from omniwheel.frames import Pose, Twist
-    from omniwheel.robot import Robot, connect
+    from omniwheel.robot import Robot
+    from omniwheel.run import Run, load
+    from omniwheel.simulation import SimulatedRobot
 
-__all__ = ["FirmwareProcess", "OmniError", "Pose", "Robot", "Twist", "__version__", "connect"]
+__all__ = [
+    "DriveError",
+    "Driven",
+    "FirmwareProcess",
+    "LimitError",
+    "LinkError",
+    "NotArrivedError",
+    "OmniError",
+    "Pose",
+    "Robot",
+    "Run",
+    "SimulatedRobot",
+    "StoppedError",
+    "Twist",
+    "__version__",
+    "aio",
+    "connect",
+    "errors",
+    "load",
+    "simulate",
+    "sync",
+]
 
 _HOMES = {
+    "DriveError": "omniwheel.errors",
+    "Driven": "omniwheel.driven",
     "FirmwareProcess": "omniwheel.firmware_process",
+    "LimitError": "omniwheel.errors",
+    "LinkError": "omniwheel.errors",
+    "NotArrivedError": "omniwheel.errors",
     "OmniError": "omniwheel.errors",
     "Pose": "omniwheel.frames",
     "Robot": "omniwheel.robot",
+    "Run": "omniwheel.run",
+    "SimulatedRobot": "omniwheel.simulation",
+    "StoppedError": "omniwheel.errors",
     "Twist": "omniwheel.frames",
-    "connect": "omniwheel.robot",
+    "connect": "omniwheel.background",
+    "load": "omniwheel.run",
+    "simulate": "omniwheel.background",
 }
 """Where the names of this package are. They are imported when they are first used: most programs use a few."""
+_MODULES = ("aio", "errors", "sync")
 
 
 def __getattr__(name: str) -> Any:
@@ -39,6 +81,8 @@ def __getattr__(name: str) -> Any:
         from importlib.metadata import version  # here, not above: it takes long to import
 
         return version("omniwheel")
+    if name in _MODULES:
+        return import_module(f"omniwheel.{name}")
     if name in _HOMES:
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module 'omniwheel' has no attribute {name!r}")

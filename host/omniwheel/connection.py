@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: MIT
-"""MAVLink 2 over a link: frames in and out, heartbeats, recording, waiting. No threads: the caller pumps.
+"""MAVLink 2 over a link: frames in and out, heartbeats, recording, waiting.
 
-Time is whatever ``clock`` says. With the wall clock a pump waits for bytes; with a simulated link, whose ``read``
-advances the simulation, the same code runs deterministically.
+Without a thread the caller pumps: messages come and go only while something waits. Time is whatever ``clock`` says.
+With the wall clock a pump waits for bytes; with a simulated link, whose ``read`` advances the simulation, the same code
+runs deterministically. After :meth:`Connection.serve_in_background` a thread serves the link, and waiting means to wait
+for that thread (:mod:`omniwheel.link_thread`).
 """
 
 from __future__ import annotations
 
 import os
 import struct
+import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,6 +21,7 @@ from omniwheel.default_key import default_key
 from omniwheel.dialect import HUB_COMPONENT, Message, is_addressed, is_autopilot, mavlink, take_bytes, tells_time
 from omniwheel.errors import OmniError, SetpointError, SeveralRobotsError
 from omniwheel.link import Link
+from omniwheel.link_thread import LinkThread
 from omniwheel.signing import Signer
 
 GROUND_STATION_ID = 255
@@ -62,6 +66,9 @@ class Connection:
     ``clock``. ``signer`` signs what is sent (default: with the process's
     default key, if there is one). ``rx_bytes`` and ``rx_bad_bytes`` count what came and what
     was no MAVLink 2, to tell silence from a wrong baud rate.
+
+    ``monitor`` guards all of it where there are several threads. Whoever sends a request and waits for its answer holds
+    it from before the one until the other.
     """
 
     def __init__(
@@ -77,6 +84,8 @@ class Connection:
     ) -> None:
         self.link = link
         self.clock = clock
+        self.monitor = threading.Condition()
+        self._thread: LinkThread | None = None
         self.recorder = recorder
         self.target_system = 0
         self.target_component = 0
@@ -131,12 +140,15 @@ class Connection:
         if self.other_systems and not is_addressed(message):
             systems = sorted({self.target_system, *self.other_systems})
             raise SeveralRobotsError(self.link.url, systems, message.get_type())
-        if self.signer is not None:
-            self.signer.before_sending(self._codec)
-        try:
-            self._codec.send(message)
-        except (struct.error, OverflowError) as error:  # while it packs the fields
-            raise SetpointError(f"a number of {message.get_type()} does not fit its field: {error}") from error
+        with self.monitor:
+            if self._thread is not None:
+                self._thread.check()
+            if self.signer is not None:
+                self.signer.before_sending(self._codec)
+            try:
+                self._codec.send(message)
+            except (struct.error, OverflowError) as error:  # while it packs the fields
+                raise SetpointError(f"a number of {message.get_type()} does not fit its field: {error}") from error
 
     def write_frame(self, frame: bytes) -> None:
         """Send and record one whole frame."""
@@ -168,11 +180,18 @@ class Connection:
         Set-points go on so while a command waits for its answer.
         """
         before = (self._repeated, self._repeat_s, self._next_repeat_s)
-        self._repeated, self._repeat_s, self._next_repeat_s = action, period_s, self.clock()
+        self.repeat(action, period_s)
         try:
             yield
         finally:
-            self._repeated, self._repeat_s, self._next_repeat_s = before
+            with self.monitor:
+                self._repeated, self._repeat_s, self._next_repeat_s = before
+
+    def repeat(self, action: Callable[[], None] | None, period_s: float = float("inf")) -> None:
+        """Call ``action`` every ``period_s`` from now on, in the place of what was called until now; None: nothing."""
+        with self.monitor:
+            self._repeated, self._repeat_s = action, period_s
+            self._next_repeat_s = float("inf") if action is None else self.clock()
 
     def _repeat(self) -> None:
         now = self.clock()
@@ -189,14 +208,41 @@ class Connection:
         finally:
             self.recorder = before
 
-    def poll(self, timeout_s: float) -> list[Message]:
-        """Send a due heartbeat, read the link once, hand out and return what the robot sent."""
+    def poll(self, timeout_s: float) -> None:
+        """Send a due heartbeat, read the link once, hand out what the robot sent; or let the link's thread do so."""
+        with self.monitor:
+            if self._thread is not None and not self._thread.is_current:
+                self._thread.await_messages(min(timeout_s, _POLL_S))
+                return
+            data = self.read(max(0.0, min(timeout_s, _POLL_S, self.send_due())))
+            if data:
+                self.feed(data)
+
+    def send_due(self) -> float:
+        """Send a heartbeat and what is repeated if they are due; return the time until the next is [s]."""
         now = self.clock()
         self.beat()
         self._repeat()
-        due_s = min(self.next_heartbeat_s, self._next_repeat_s) - now
-        data = self.link.read(max(0.0, min(timeout_s, _POLL_S, due_s)))
-        return self.feed(data) if data else []
+        return min(self.next_heartbeat_s, self._next_repeat_s) - now
+
+    def read(self, timeout_s: float) -> bytes:
+        """Read the link once, for the one who serves it."""
+        return self.link.read(timeout_s)
+
+    @property
+    def is_served(self) -> bool:
+        """Whether a thread serves the link."""
+        return self._thread is not None
+
+    def raise_in_waiting(self, error: Exception) -> None:
+        """Have the next method that waits for the link's thread raise this."""
+        if self._thread is not None:
+            self._thread.raise_in_waiting(error)
+
+    def serve_in_background(self) -> None:
+        """Have a thread of its own serve the link from now on, until :meth:`close`."""
+        self._thread = LinkThread(self)
+        self._thread.start()
 
     def feed(self, data: bytes) -> list[Message]:
         """Take bytes that were read elsewhere, as if the link had delivered them."""
@@ -269,16 +315,38 @@ class Connection:
                 return
 
     def wait(self, wanted: Callable[[Message], bool], timeout_s: float) -> Message | None:
-        """Serve the link until a message satisfies ``wanted``; return it, or None after ``timeout_s``."""
-        end = self.clock() + timeout_s
-        while True:
-            left = end - self.clock()
-            found = first(self.poll(left), wanted)
-            if found is not None or left <= 0.0:
-                return found
+        """Serve the link until a message satisfies ``wanted``; return it, or None after ``timeout_s``.
+
+        ``wanted`` is asked after all listeners have had the message. What it raises is raised here.
+        """
+        found: list[Message] = []
+        failed: list[Exception] = []
+
+        def take(message: Message) -> None:
+            try:
+                if not found and not failed and wanted(message):
+                    found.append(message)
+            except Exception as error:
+                failed.append(error)
+
+        with self.monitor:
+            remove = self.add_listener(take)
+            try:
+                end = self.clock() + timeout_s
+                while True:
+                    left = end - self.clock()
+                    self.poll(left)
+                    if failed:
+                        raise failed[0]
+                    if found or left <= 0.0:
+                        return found[0] if found else None
+            finally:
+                remove()
 
     def close(self) -> None:
-        """Close the link."""
+        """End the thread if there is one, and close the link."""
+        if self._thread is not None:
+            self._thread.stop()
         self.link.close()
 
     def _send_heartbeat(self) -> None:
@@ -287,8 +355,3 @@ class Connection:
                 mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
             )
         )
-
-
-def first(messages: Iterable[Message], wanted: Callable[[Message], bool]) -> Message | None:
-    """Return the first message that satisfies ``wanted``."""
-    return next((message for message in messages if wanted(message)), None)

@@ -16,7 +16,7 @@ from omniwheel._core import ffi, lib
 from omniwheel.core_config import plan_trajectory, robot_config
 from omniwheel.errors import OmniError
 from omniwheel.frames import Pose
-from omniwheel.robot import Robot
+from omniwheel.robot_base import RobotBase
 from omniwheel.table_file import TableFormat, read_table
 
 MOST_POINTS: int = lib.OMNI_MAX_WAYPOINTS
@@ -51,12 +51,12 @@ class DrawnPath:
     laps: float
     length_m: float
 
-    def require(self, robot: Robot) -> None:
+    def require(self, robot: RobotBase) -> None:
         """Raise LimitError if a point of it is beyond the robot's LIM_POS."""
         for point in self.points:
             robot.require_pose(*point)
 
-    def start(self, robot: Robot) -> None:
+    def start(self, robot: RobotBase) -> None:
         """Give it to a robot and start it; a disarmed one begins when it is armed. Raises LimitError, OmniError."""
         self.require(robot)
         robot.set_waypoints(self.points)

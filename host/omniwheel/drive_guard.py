@@ -100,17 +100,26 @@ class DriveGuard:
         if self._over is not None:
             raise StoppedError(str(self._over), hint=self._over.hint)
 
+    @property
+    def is_over(self) -> bool:
+        """Whether the drive that was begun here is over, by what is known now; :meth:`check` raises why."""
+        return self.begun and self._accepted and (self._over is not None or self._is_stopped() or self._is_held())
+
+    def _is_stopped(self) -> bool:
+        return self._state in ("failsafe", "estop") or self._seen_disarmed
+
+    def _is_held(self) -> bool:
+        return self._held or any(_ENDED in text.text for text in self._texts.since(self._mark))
+
     def _ending(self) -> StoppedError | None:
         """Return why the drive is over; None while it is not."""
-        if self._state in ("failsafe", "estop") or self._seen_disarmed:
+        if self._is_stopped():
             self._await_reason()
             who = self._who()
             if who or self._state == "disarmed":
                 return self._stopped_by_another(who)
             return self._stopped_itself() if self._has_stopped_state() else _stopped_without_reason()
-        if self._held or any(_ENDED in text.text for text in self._texts.since(self._mark)):
-            return self.held()
-        return None
+        return self.held() if self._is_held() else None
 
     def held(self) -> StoppedError:
         """Return the error of a drive that another station or program ended while the robot stays armed."""

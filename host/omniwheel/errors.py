@@ -19,7 +19,7 @@
     │   ├── ParameterRefusedError     the robot kept its old value; says why
     │   └── OtherRobotError           a parameter file is of a robot with other hardware; lists what differs
     ├── SetpointError                 a set-point or argument that is no number    (bad input, a ValueError)
-    │   └── LimitError                one that this robot cannot follow; names the limit
+    │   └── LimitError                one that this robot cannot follow; has limit, asked, possible
     ├── CommandRefusedError           the robot answered a command with a refusal; says why
     │   └── ArmingRefusedError
     ├── FirmwareError                 the firmware as a program of this computer, its own or an emulated one
@@ -35,7 +35,9 @@
     │   ├── MocapLostError            it cannot be reached, or went away
     │   ├── MocapLatencyError         its latency cannot be told; says what to do
     │   └── CameraError               pictures that cannot tell what was asked for; says what is missing
-    ├── StoppedError                  a drive was ended by the robot itself, or by another station or program
+    ├── DriveError                    a drive that did not happen, or not to its end
+    │   ├── StoppedError              ended by the robot itself, another station or program, or another thread
+    │   └── NotArrivedError           the robot was not at its goal in time; has goal and pose
     ├── HostControlStopError          the host's control loop stopped the robot by itself
     ├── CoreError                     the control core refuses a parameter set     (bad input)
     ├── RobotFileError                a robot file is missing or malformed         (bad input)
@@ -57,9 +59,13 @@ The command line ends with ``error.exit_code``: 2 for bad input, 1 otherwise.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
+
+if TYPE_CHECKING:
+    from omniwheel.frames import Pose
 
 
 class OmniError(Exception):
@@ -115,8 +121,32 @@ class SeveralRobotsError(LinkError, ValueError):
         self.systems = tuple(systems)
 
 
-class StoppedError(OmniError):
-    """A drive was ended by the robot itself, or by another station or program."""
+class DriveError(OmniError):
+    """A drive that did not happen, or not to its end."""
+
+
+class StoppedError(DriveError):
+    """A drive was ended by the robot itself, by another station or program, or by another thread of this one.
+
+    ``reason`` is the message.
+    """
+
+    @property
+    def reason(self) -> str:
+        """Why."""
+        return self.message
+
+
+class NotArrivedError(DriveError):
+    """The robot was not at its goal in time; it holds where it is.
+
+    ``goal`` and ``pose`` are world poses: where it should be, and where it was at the end of the time.
+    """
+
+    def __init__(self, message: str, goal: Pose, pose: Pose, *, hint: str = "") -> None:
+        super().__init__(message, hint=hint)
+        self.goal = goal
+        self.pose = pose
 
 
 class OutsideLoopError(LinkError):
@@ -174,7 +204,19 @@ class SetpointError(OmniError, ValueError):
 
 
 class LimitError(SetpointError):
-    """A set-point that this robot cannot follow, with the limit's name and value; nothing was sent."""
+    """A setpoint that this robot cannot follow; nothing was sent.
+
+    ``limit`` is the parameter's name, or what else limits it. ``asked`` was asked for, ``possible`` is what this robot
+    can do, both in the unit of the message; NaN where there is no such number.
+    """
+
+    def __init__(
+        self, message: str, *, hint: str = "", limit: str = "", asked: float = math.nan, possible: float = math.nan
+    ) -> None:
+        super().__init__(message, hint=hint)
+        self.limit = limit
+        self.asked = asked
+        self.possible = possible
 
 
 class CommandRefusedError(OmniError):

@@ -26,6 +26,8 @@ from omniwheel.errors import LinkLostError, LinkOpenError, LinkUrlError
 DEFAULT_BAUD = 57600
 MOST_BAUD = 100_000_000
 """Faster than any serial port; what it cannot do the system refuses."""
+SLOW_BAUD = 57_600
+"""Below this, reading all parameters would take many seconds: those that are known are kept."""
 LAST_PORT = 65535
 WRITE_TIMEOUT_S = 5.0
 _READ_SIZE = 65536
@@ -82,6 +84,12 @@ def parse_url(url: str) -> LinkAddress:
             hint=_ALLOWED,
         )
     return LinkAddress("serial", device, int(baud) if comma else DEFAULT_BAUD)
+
+
+def is_slow(url: str) -> bool:
+    """Say whether a link is a radio whose telemetry should stay as it is."""
+    address = parse_url(url)
+    return address.kind == "serial" and address.number < SLOW_BAUD
 
 
 def _is_number(text: str, most: int) -> bool:

@@ -26,6 +26,7 @@ from omniwheel.errors import (
     ParameterRefusedError,
     UnknownParameterError,
 )
+from omniwheel.monitored import monitored
 from omniwheel.other_hardware import WHEELS, require_same_hardware
 from omniwheel.texts import TextLog
 
@@ -113,6 +114,7 @@ class _Work:
         return type(error)(f"{error} ({'; '.join(parts)})", hint=hint)
 
 
+@monitored("_connection")
 class Parameters(MutableMapping[str, float]):
     """The parameters of a connected robot.
 
@@ -194,6 +196,8 @@ class Parameters(MutableMapping[str, float]):
 
         ``progress`` is called with (received, total). Raises LinkTimeoutError if the robot stops answering.
         """
+        while self._incoming is not None:  # another thread is at it
+            self._connection.wait(_is_parameter, QUIET_S)
         self._incoming = incoming = _Values()
         try:
             self._download_into(incoming, progress)

@@ -8,6 +8,8 @@ from pathlib import Path
 
 from serial.tools import list_ports
 
+from omniwheel.errors import LinkUrlError
+
 TEENSY_VID = 0x16C0
 """Of a company that sells single product ids of it to many makers: it alone says nothing."""
 HALFKAY_PID = 0x0478
@@ -33,6 +35,10 @@ TEENSY_PIDS = {
 }
 """PJRC's product ids: the USB types of Teensyduino's usb_desc.h, and the bootloader."""
 FTDI_VID = 0x0403
+WHICH_ROBOT = (
+    "name its port or address, as /dev/ttyACM0 or tcp:127.0.0.1:5760. No robot at hand? Simulate one: "
+    "omniwheel.simulate() in Python, `omni sitl` in a terminal"
+)
 USB_FOLDER = Path("/sys/bus/usb/devices")
 """Where Linux lists USB devices."""
 
@@ -73,6 +79,20 @@ def serial_ports() -> list[Port]:
         for p in list_ports.comports()
     ]
     return sorted(ports, key=lambda port: ({"teensy": 0, "xbee": 1}.get(port.guess, 2), port.device))
+
+
+def only_teensy() -> str:
+    """Return the port of the only Teensy that is plugged in. Raises LinkUrlError, which lists what was found."""
+    ports = serial_ports()
+    found = [port.device for port in ports if port.guess == "teensy"]
+    if len(found) == 1:
+        return found[0]
+    if found:
+        what = f"{len(found)} Teensys are connected: {', '.join(found)}"
+    else:
+        others = ", ".join(port.device for port in ports)
+        what = f"no Teensy is connected; other serial ports: {others}" if others else "no Teensy is connected"
+    raise LinkUrlError(f"which robot? {what}", hint=WHICH_ROBOT)
 
 
 def bootloaders(folder: Path = USB_FOLDER) -> int | None:

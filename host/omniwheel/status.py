@@ -15,6 +15,7 @@ from omniwheel.telemetry import (
     FlowState,
     GyroState,
     Heartbeat,
+    Odometry,
     Status,
     StatusText,
     Telemetry,
@@ -34,6 +35,7 @@ _KINDS: tuple[type[Telemetry], ...] = (
     StatusText,
     GyroState,
     FlowState,
+    Odometry,
 )
 _OF_QUALITY: tuple[type[Telemetry], ...] = (Tracking, Control, Status)
 
@@ -108,12 +110,13 @@ class StatusBoard:
         if name == Heartbeat.message:
             self._heartbeat_s = self._connection.clock()
 
-    def _last(self, kind: type[TelemetryT]) -> TelemetryT | None:
+    def last(self, kind: type[TelemetryT]) -> TelemetryT | None:
+        """Return what came last of a kind; None before the first."""
         message = self._latest.get(kind.message)
         return None if message is None else decode(kind, message)
 
     def _sensors(self, gyro: GyroState | None, floor: FlowState | None) -> tuple[SensorQuality, ...]:
-        tracking = self._last(Tracking)
+        tracking = self.last(Tracking)
         now_s = None if tracking is None else tracking.time_s
         told = (
             gyro_quality(gyro) if gyro is not None and is_present(gyro, now_s) else None,
@@ -123,16 +126,16 @@ class StatusBoard:
 
     def snapshot(self) -> RobotStatus:
         """Return the present state of knowledge."""
-        gyro, floor = self._last(GyroState), self._last(FlowState)
+        gyro, floor = self.last(GyroState), self.last(FlowState)
         return RobotStatus(
             heartbeat_age_s=self._connection.clock() - self._heartbeat_s,
-            heartbeat=self._last(Heartbeat),
-            tracking=self._last(Tracking),
-            wheels=self._last(Wheels),
-            control=self._last(Control),
-            safety=self._last(Status),
-            battery=self._last(Battery),
-            text=self._last(StatusText),
+            heartbeat=self.last(Heartbeat),
+            tracking=self.last(Tracking),
+            wheels=self.last(Wheels),
+            control=self.last(Control),
+            safety=self.last(Status),
+            battery=self.last(Battery),
+            text=self.last(StatusText),
             quality=self._quality.quality(),
             gyro=gyro,
             floor_motion=floor,

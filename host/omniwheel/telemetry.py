@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from omniwheel import telemetry_gen
 from omniwheel.dialect import Message, enum_name, mavlink
-from omniwheel.frames import flip
+from omniwheel.frames import Pose, Twist, flip
 from omniwheel.telemetry_gen import *  # noqa: F403
 from omniwheel.telemetry_parts import Telemetry, TelemetryT, decode, fault_names, state_name
 
@@ -22,6 +22,7 @@ __all__ = [
     "Battery",
     "Heartbeat",
     "LocalPosition",
+    "Odometry",
     "StatusText",
     "Telemetry",
     "TelemetryT",
@@ -30,7 +31,7 @@ __all__ = [
     "state_name",
 ]
 __all__ += telemetry_gen.__all__
-_MS = 1e-3
+_MS, _US = 1e-3, 1e-6
 
 
 @dataclass(frozen=True)
@@ -71,6 +72,22 @@ class LocalPosition(Telemetry):
         x, y, _ = flip(m.x, m.y, 0.0)
         vx, vy, _ = flip(m.vx, m.vy, 0.0)
         return cls(m.time_boot_ms * _MS, x, y, vx, vy)
+
+
+@dataclass(frozen=True)
+class Odometry(Telemetry):
+    """Estimated world pose and body twist, from the standard ODOMETRY."""
+
+    message = "ODOMETRY"
+    time_s: float
+    pose: Pose
+    twist: Twist
+
+    @classmethod
+    def decoded(cls, m: Message) -> Odometry:
+        """Return the values of a message ``ODOMETRY``."""
+        x, y, theta = flip(m.x, m.y, 2.0 * math.atan2(m.q[3], m.q[0]))
+        return cls(m.time_usec * _US, Pose(x, y, math.remainder(theta, math.tau)), Twist(*flip(m.vx, m.vy, m.yawspeed)))
 
 
 @dataclass(frozen=True)

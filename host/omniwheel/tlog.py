@@ -14,6 +14,8 @@ from types import TracebackType
 from omniwheel.errors import OutputFileError
 from omniwheel.growing_file import GrowingFile
 
+SIMULATED_EPOCH_US = 1_704_067_200_000_000
+"""2024-01-01 00:00 UTC: where simulated time starts in a log."""
 _STAMP = 8
 _FRAME_1 = 0xFE
 _SIGNED = 1

@@ -8,11 +8,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
+from typing import IO
 
 from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import DatasetError
 
 STAMP = 8
+NO_LOG_HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz before `omni record`"
 _CHUNK = 1 << 20
 _LONGEST = STAMP + 10 + 255 + 2 + 13
 _MARKERS = (mavlink.PROTOCOL_MARKER_V1, mavlink.PROTOCOL_MARKER_V2)
@@ -47,12 +51,17 @@ class TlogReader:
     path: Path
     skipped: int = 0
     frames: int = 0
+    records: bytes | None = None
+    """The log itself, where it is in no file."""
+
+    def _open(self) -> IO[bytes]:
+        return self.path.open("rb") if self.records is None else BytesIO(self.records)
 
     def __iter__(self) -> Iterator[Message]:
         self.skipped = self.frames = 0
         codec = mavlink.MAVLink(None)
         data, at, ended = b"", 0, False
-        with self.path.open("rb") as file:
+        with self._open() as file:
             while True:
                 if not ended and len(data) - at < 2 * _LONGEST:
                     more = file.read(_CHUNK)
@@ -240,3 +249,20 @@ def longest_part(messages: Iterable[Message]) -> tuple[list[Message], str]:
         parts[-1].append(message)
     longest = max(reader.parts, key=lambda part: part.end_s - part.begin_s).number
     return parts[longest - 1], reader.note(longest)
+
+
+def iterate_messages(reader: TlogReader) -> Iterator[Message]:
+    """Give the messages of a telemetry log in their order. Raises DatasetError."""
+    try:
+        yield from reader
+    except OSError as error:
+        raise DatasetError(f"{reader.path}: {error.strerror}", hint="give a .tlog file") from error
+    if not reader.frames:
+        raise DatasetError(f"{reader.path} is no telemetry log: there is no MAVLink frame in it", hint=NO_LOG_HINT)
+
+
+def iterate_part(parts: PartReader, path: Path, part: int) -> Iterator[Message]:
+    """Give the messages of one part of a log. Raises DatasetError."""
+    yield from (message for number, message in parts if number == part)
+    if not 1 <= part <= len(parts.parts):
+        raise DatasetError(f"{path} has no part {part}", hint=f"its parts are {parts.listed()}")

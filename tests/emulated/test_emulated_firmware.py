@@ -12,11 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from omniwheel import Robot, connect
 from omniwheel.bringup.bench import health_of
 from omniwheel.emulated_firmware import DIRECT, EmulatedFirmware
 from omniwheel.errors import FirmwareEndedError, FirmwareNotFoundError, FirmwareStartError, LinkError
 from omniwheel.paths import MissingFileError, emulated_firmware_path
+from omniwheel.robot import Robot, connect
 from omniwheel.telemetry import Heartbeat, Status
 from tests.arm import need_emulated_firmware, run_program
 from tests.waiting import wait_until

@@ -16,11 +16,11 @@ from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import start_sitl
 from hil_sim.soak import ICOUNT_SHIFT, run_soak
-from omniwheel import Robot, connect
 from omniwheel.bringup.other_stops import safety_of
 from omniwheel.connection import Connection
 from omniwheel.emulated_firmware import EmulatedFirmware
 from omniwheel.errors import CommandRefusedError, StoppedError
+from omniwheel.robot import Robot, connect
 from omniwheel.telemetry import LocalPosition
 from tests.arm import need_emulated_firmware
 from tests.firmware.client import connect as connect_client

@@ -13,8 +13,9 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from omni.cli import app
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.errors import OutputFileError
+from omniwheel.robot import connect
 from tests.faults.commands import CASES
 
 FULL = "/dev/full"

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.c_scenario import scenario_world
 from hil_sim.external import ExternalWorldError, ExternalWorldInputError, Fix, Sensed, load_world
 from hil_sim.faults import Fault
@@ -215,11 +215,11 @@ def test_a_robot_behind_a_link_is_disarmed_and_given_back_when_its_world_raises(
         world.fails_at = 800
     with FirmwareProcess("three_wheel") as firmware:
         before = "ISMC_LAM_XY", 7.0
-        with omniwheel.connect(firmware.urls[0]) as robot:
+        with omniwheel.robot.connect(firmware.urls[0]) as robot:
             robot.parameters[before[0]] = before[1]
         with pytest.raises(ExternalWorldError, match="no floor"):
             run_hil(circle, firmware.urls[0], world=world)
-        with omniwheel.connect(firmware.urls[0]) as robot:
+        with omniwheel.robot.connect(firmware.urls[0]) as robot:
             beat = robot.status.heartbeat
             assert beat is not None
             assert (beat.armed, beat.hil) == (False, False)

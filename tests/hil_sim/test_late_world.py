@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import Sitl, start_sitl
 from omniwheel.robot import Robot
@@ -64,7 +64,7 @@ def world() -> Iterator[Ticking]:
 
 @pytest.fixture
 def robot(world: Ticking) -> Iterator[Robot]:
-    with omniwheel.connect(world.running.urls[0]) as one:
+    with omniwheel.robot.connect(world.running.urls[0]) as one:
         yield one
 
 
@@ -139,7 +139,7 @@ def test_a_robot_that_was_stopped_before_waits_for_its_release(tmp_path: Path) -
         with start_sitl(scenario, ["tcp:127.0.0.1:0"], storage=storage, realtime_factor=0.0) as running:
             assert running.stopped == (start == "stopped")
             world = Ticking(running)
-            with omniwheel.connect(running.urls[0]) as robot:
+            with omniwheel.robot.connect(running.urls[0]) as robot:
                 if start == "fresh":
                     until(robot, lambda: in_loop(robot), "not in the loop")
                     robot.estop()

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-import omniwheel
+import omniwheel.robot
 from hil_sim import hil
 from hil_sim.hil import AfterRunError, run_hil
 from hil_sim.scenario import Event, Scenario, load_scenario
@@ -41,13 +41,13 @@ def quick(tmp_path: Path) -> Scenario:
 def url() -> Iterator[str]:
     """A firmware in real time with a gain of its own."""
     with FirmwareProcess("three_wheel") as firmware:
-        with omniwheel.connect(firmware.urls[0]) as robot:
+        with omniwheel.robot.connect(firmware.urls[0]) as robot:
             robot.parameters[NAME] = OWN
         yield firmware.urls[0]
 
 
 def given_back(url: str) -> bool:
-    with omniwheel.connect(url) as robot:
+    with omniwheel.robot.connect(url) as robot:
         beat = robot.status.heartbeat
         return beat is not None and not beat.armed and not beat.hil and robot.parameters[NAME] == OWN
 
@@ -82,7 +82,7 @@ def test_a_firmware_in_lockstep_is_refused_before_the_run(quick: Scenario, tmp_p
         assert result.exit_code == 1
         assert "without --lockstep" in result.output
         assert not (tmp_path / "runs").exists()
-        with omniwheel.connect(firmware.urls[0]) as robot:
+        with omniwheel.robot.connect(firmware.urls[0]) as robot:
             assert robot.parameters[NAME] == OWN
 
 
@@ -148,7 +148,7 @@ def test_a_robot_that_another_program_takes_out_of_the_loop_ends_the_run(quick: 
     links = ["tcp:127.0.0.1:0", "tcp:127.0.0.1:0"]
     taken = False
 
-    with FirmwareProcess("three_wheel", links=links) as firmware, omniwheel.connect(firmware.urls[1]) as other:
+    with FirmwareProcess("three_wheel", links=links) as firmware, omniwheel.robot.connect(firmware.urls[1]) as other:
 
         def take_out(now_s: float, end_s: float | None) -> None:
             nonlocal taken

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.hil import HilLoop, run_hil
 from hil_sim.lockstep import ASLEEP, LOOKING, MEASURED, Waiting
 from hil_sim.record import Record
@@ -206,7 +206,7 @@ def test_firmware_that_has_nothing_to_do_sleeps(paced: bool, lockstep: bool) -> 
         base = firmware.open_link()
         try:
             if not lockstep:
-                omniwheel.connect(base, heartbeat=False).enter_hil()
+                omniwheel.robot.connect(base, heartbeat=False).enter_hil()
             loop = HilLoop(scenario, base)
             loop.advance(300)
             begin_s, begin_wall_s = used_s(firmware.pid), time.monotonic()

@@ -21,10 +21,11 @@ from hil_sim.scenario import Event, Scenario, load_scenario
 from hil_sim.summary import TLOG_FILE, WALL_TIME_KEYS, save_run, summarize
 from hil_sim.timeline import RunError
 from hil_sim.world import PLANTS
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ArmingRefusedError, LinkError, ParameterRefusedError
 from omniwheel.logs.run_folder import load_run, new_run_folder
+from omniwheel.robot import connect
 
 SHORT_S = 6.0
 ARMED, ESTOP = 2, 4

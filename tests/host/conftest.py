@@ -10,8 +10,9 @@ from typing import Any
 
 import pytest
 
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
+from omniwheel.robot import Robot, connect
 from omniwheel.robots import parameter_table
 from tests.host import stepped
 

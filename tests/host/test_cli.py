@@ -17,7 +17,8 @@ import pytest
 from typer.testing import CliRunner
 
 from omni.cli import app
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
+from omniwheel.robot import connect
 from omniwheel.telemetry import Heartbeat
 from tests.waiting import wait_until
 

@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
-from omni.cli.drive import _until_done
-from omniwheel import Robot, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import OmniError, StoppedError
 from omniwheel.identification.live import excite
+from omniwheel.robot import Robot, connect
 from omniwheel.tuning import Experiment
 from tests.host import stepped
 from tests.host.conftest import FakeRobot
@@ -43,8 +43,7 @@ TAKES_OVER = {"path": (START, 2.0, 1.0), "arm": (ARM, 1.0, 0.0)}
 
 
 def follow_rose(robot: Robot) -> None:
-    robot.start_trajectory("rose")
-    _until_done(robot, LONG_S, quiet=True)
+    robot.follow_trajectory("rose", timeout_s=LONG_S)
 
 
 class Another:
@@ -233,14 +232,29 @@ def test_another_path_is_noticed_even_if_the_text_that_says_so_was_lost(fake: Fa
     own = [(LEAD_IN, 0.0), *((ON_PATH, 0.2 * number) for number in range(10))]
     others = [(LEAD_IN, 0.0), (ON_PATH, 0.2)] if another_begins else []
     said = iter([*own, *others, (DONE, 3.0), (DONE, 3.0)])
+    phases: list[str] = []
     with connect(fake, clock=fake.clock) as robot:
         robot.arm()
-        with robot.connection.repeating(lambda: fake.send(tracking_of(*next(said))), 0.1):
-            if another_begins:
-                with pytest.raises(StoppedError):
-                    _until_done(robot, LONG_S, quiet=True)
-            else:
-                assert _until_done(robot, LONG_S, quiet=True).phase == "done"
+        read = fake.read
+
+        def read_and_say(timeout_s: float) -> bytes:
+            if robot.status.tracking is None or fake.now_s > next_s[0]:
+                next_s[0] = fake.now_s + 0.1
+                if (words := next(said, None)) is not None:
+                    fake.send(tracking_of(*words))
+            return read(timeout_s)
+
+        next_s = [fake.now_s]
+        fake.read = read_and_say  # type: ignore[method-assign]
+        follow = partial(
+            robot.follow_trajectory, "rose", timeout_s=LONG_S, progress=lambda tracking: phases.append(tracking.phase)
+        )
+        if another_begins:
+            with pytest.raises(StoppedError):
+                follow()
+        else:
+            follow()
+            assert phases[-1] == "done"
 
 
 def test_another_program_that_has_taken_the_command_ends_a_drive(behind_hub: Robot) -> None:

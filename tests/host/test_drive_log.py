@@ -15,7 +15,7 @@ from omni.cli import app
 from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.drive_log.listing import list_runs
-from omniwheel.drive_log.record import record_of
+from omniwheel.telemetry_record import record_of
 
 runner = CliRunner()
 

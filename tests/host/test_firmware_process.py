@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.errors import (
     ArmingRefusedError,
     FirmwareStartError,
@@ -23,6 +23,7 @@ from omniwheel.errors import (
     ParameterRefusedError,
     RobotFileError,
 )
+from omniwheel.robot import Robot, connect
 from omniwheel.telemetry import Heartbeat, LocalPosition, Status, Tracking
 from tests.waiting import wait_until
 

@@ -17,9 +17,10 @@ import pytest
 from typer.testing import CliRunner
 
 from omni.cli import app
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.errors import HistoryError, OutputFileError, ParameterRefusedError
 from omniwheel.history import ChangeRecorder, RobotHistory, history_file
+from omniwheel.robot import Robot, connect
 
 
 @pytest.fixture

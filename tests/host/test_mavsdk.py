@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from omniwheel import Robot, connect
+from omniwheel.robot import Robot, connect
 from tests import needs
 from tests.hub.parts import omni
 from tests.waiting import wait_until

@@ -13,7 +13,6 @@ from typer.testing import CliRunner
 
 from omni.cli import app
 from omni_schema import as_float32
-from omniwheel import Robot, connect
 from omniwheel.errors import (
     LinkLostError,
     LinkTimeoutError,
@@ -23,6 +22,7 @@ from omniwheel.errors import (
     ParameterRefusedError,
     UnknownParameterError,
 )
+from omniwheel.robot import Robot, connect
 
 
 def test_download_gives_every_parameter_in_the_robots_order(fake: Any, robot: Robot) -> None:

@@ -19,11 +19,11 @@ from omni.studio.recorded_log import RecordedLog
 from omniwheel.dialect import mavlink
 from omniwheel.drive_log.folder import Drive, write_with_figures
 from omniwheel.drive_log.listing import headline, list_runs
-from omniwheel.drive_log.record import TelemetryRecord, read_record
 from omniwheel.log_sources import read_tlog
 from omniwheel.pose_jumps import geometry_of, jumps_of, steps_of, without_jumps
 from omniwheel.replay import replay
 from omniwheel.robots import parameter_table, read_robot
+from omniwheel.telemetry_record import TelemetryRecord, read_record
 from tests.host.test_tlog_reader import DRIVE, ROBOT, SPEED_M_S, drive, later, log, packed, tracking, wheels
 
 Array = NDArray[np.float64]

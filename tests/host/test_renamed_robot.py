@@ -13,9 +13,10 @@ from typer.testing import CliRunner
 
 from omni.cli import app
 from omni.hub.followed import FollowedRobot
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ParameterRangeError, ParameterRefusedError
+from omniwheel.robot import Robot, connect
 from tests.host.shared_line import shared_line
 from tests.host.two_robots import FIRST, SECOND, TwoRobots
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import omniwheel
-from omniwheel import Robot, Twist, connect
+from omniwheel import Twist
 from omniwheel.dialect import mavlink
 from omniwheel.errors import (
     ArmingRefusedError,
@@ -20,6 +20,7 @@ from omniwheel.errors import (
     OmniError,
     SetpointError,
 )
+from omniwheel.robot import Robot, connect
 from omniwheel.telemetry import Sample, StatusText, Tracking
 from omniwheel.tlog import TlogWriter
 

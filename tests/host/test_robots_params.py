@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-import omniwheel
+import omniwheel.robot
 from omni.cli import app
 from omniwheel.firmware_process import first_ready_line
 from omniwheel.paths import firmware_path
@@ -26,7 +26,7 @@ def test_the_firmware_takes_the_lines_as_they_are(tmp_path: Path) -> None:
     with subprocess.Popen([*command, "--end-with-stdin"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         links = first_ready_line(process)
         assert links is not None
-        with omniwheel.connect(links[0]) as robot:
+        with omniwheel.robot.connect(links[0]) as robot:
             values = dict(robot.parameters)
         process.kill()
     assert values == pytest.approx(read_robot("four_wheel").parameter_values(), rel=1e-6)

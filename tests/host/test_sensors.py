@@ -22,8 +22,9 @@ from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omni.cli import app
 from omni.cli.monitor import view
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
+from omniwheel.robot import Robot, connect
 from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, find_sensors, told_of_sensors
 from omniwheel.sensor_quality import (
     BIAS_LIMIT_RAD_S,

@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from omniwheel import Robot, connect
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ArmingRefusedError, CommandRefusedError
 from omniwheel.link import Link, open_link
+from omniwheel.robot import Robot, connect
 from tests.firmware.client import Firmware, firmware
 from tests.firmware.fake_robot import frame
 from tests.host.conftest import FakeRobot

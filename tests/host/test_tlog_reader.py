@@ -19,13 +19,13 @@ from omni.studio.recorded_log import RecordedLog
 from omni.studio.samples import SampleStore
 from omni.studio.spectra import TooFewSamplesError, spectrum
 from omniwheel.dialect import mavlink
-from omniwheel.drive_log.record import read_record, record_of
 from omniwheel.errors import LogError
 from omniwheel.identification.sources import read_dataset
 from omniwheel.log_sources import open_log, read_tlog
 from omniwheel.replay import replay
 from omniwheel.robots import read_robot
 from omniwheel.telemetry import Tracking, decode
+from omniwheel.telemetry_record import read_record, record_of
 from omniwheel.tlog_reader import STAMP, RobotClock, TlogReader
 
 ROBOT = read_robot("three_wheel")

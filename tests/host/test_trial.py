@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.lockstep import SteppedLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
@@ -30,7 +30,7 @@ def stepped() -> Iterator[tuple[Robot, SteppedLink]]:
     with FirmwareProcess(parameters=scenario.parameter_values(), links=["tcp:127.0.0.1:0"], lockstep=True) as firmware:
         link = SteppedLink(firmware.open_link(), new_world(scenario))
         link.end_s = math.inf
-        with omniwheel.connect(link, clock=link.clock_s) as robot:
+        with omniwheel.robot.connect(link, clock=link.clock_s) as robot:
             robot.pump(0.5)
             yield robot, link
 
@@ -179,7 +179,7 @@ def test_a_program_that_was_killed_leaves_nothing_to_the_next_one(stepped: tuple
 PROGRAM = """
 import sys, omniwheel
 from omniwheel.trial import Trial
-robot = omniwheel.connect(sys.argv[1])
+robot = omniwheel.robot.connect(sys.argv[1])
 Trial(robot).__enter__().set_many({"ISMC_LAM_XY": 5.0})
 print(robot.parameters.read("ISMC_LAM_XY"), flush=True)
 robot.pump(600.0)
@@ -189,13 +189,13 @@ robot.pump(600.0)
 @pytest.mark.full
 def test_the_next_program_finds_the_old_values_although_it_comes_at_once(url: str) -> None:
     """Its heartbeats keep the link alive; but it is another connection."""
-    with omniwheel.connect(url) as robot:
+    with omniwheel.robot.connect(url) as robot:
         before = fresh(robot)
     with subprocess.Popen([sys.executable, "-c", PROGRAM, url], stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
         assert program.stdout.readline().strip() == "5.0"
         program.kill()
-    with omniwheel.connect(url) as robot:
+    with omniwheel.robot.connect(url) as robot:
         assert fresh(robot) == before != 5.0
 
 

@@ -11,13 +11,13 @@ from typer.testing import CliRunner, Result
 from omni.cli import app
 from omni.cli.group import _options_first
 from omni.hub.core import HubSettings
-from omniwheel import connect
 from omniwheel.default_system import default_system
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError, SeveralRobotsError
 from omniwheel.frames import Pose
 from omniwheel.mocap.bridge import Bridge
 from omniwheel.mocap.source import MocapPose
+from omniwheel.robot import connect
 from tests.host.two_robots import FIRST, SECOND, TwoRobots, everybody_connects_to
 from tests.hub.bench import Bench
 

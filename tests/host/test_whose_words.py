@@ -9,11 +9,11 @@ from typing import Any
 import pytest
 
 from omni.studio.log_frames import Clock, read_piece
-from omniwheel import Robot, connect
 from omniwheel.dialect import HUB_COMPONENT, mavlink
-from omniwheel.drive_log.record import record_of
 from omniwheel.errors import ArmingRefusedError, LinkTimeoutError, ParameterRefusedError
+from omniwheel.robot import Robot, connect
 from omniwheel.telemetry import Heartbeat, Tracking
+from omniwheel.telemetry_record import record_of
 from omniwheel.timesync import TimeSync
 
 ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED

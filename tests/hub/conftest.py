@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from omniwheel import connect
+from omniwheel.robot import connect
 from tests.hub.parts import Cable, omni
 
 

@@ -11,10 +11,10 @@ from pathlib import Path
 import pytest
 
 from omni.hub.server import HubServer
-from omniwheel import connect
 from omniwheel.errors import LinkOpenError, OutputFileError
 from omniwheel.hub import places
 from omniwheel.hub.shared_link import open_shared
+from omniwheel.robot import connect
 from tests.faults.shim import BROKEN, FAILURES, FULL, SHORT, Failure, environment, need_shim
 from tests.hub.parts import PROGRAM, WAIT_S, Cable
 

@@ -12,8 +12,8 @@ from contextlib import contextmanager
 
 import pytest
 
-from omniwheel import connect
 from omniwheel.hub import places
+from omniwheel.robot import connect
 from tests.hub.parts import PROGRAM, WAIT_S, Cable
 
 OUR_HUBS = {

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from omniwheel import Robot, connect
 from omniwheel.errors import CommandRefusedError, LinkOpenError
+from omniwheel.robot import Robot, connect
 from omniwheel.telemetry import Sample, decode
 from tests.host.test_mavproxy import MavProxy
 from tests.hub.parts import PROGRAM, WAIT_S, Cable, omni

@@ -17,7 +17,7 @@ pytest.importorskip("elftools")
 
 from pymavlink import mavutil
 
-import omniwheel
+import omniwheel.robot
 from hil_sim.image_firmware import ImageFirmware
 from omniwheel.errors import FirmwareStartError, LinkError
 from omniwheel.robot import Robot
@@ -46,7 +46,7 @@ def proxy(image: Path, tmp_path: Path) -> Iterator[MavProxy]:
 
 def connect(url: str) -> Robot:
     """Connect to a robot that a busy machine emulates slowly."""
-    return omniwheel.connect(url, timeout_s=PATIENCE_S)
+    return omniwheel.robot.connect(url, timeout_s=PATIENCE_S)
 
 
 def connect_when_back(url: str) -> Robot:
@@ -54,7 +54,7 @@ def connect_when_back(url: str) -> Robot:
 
     def attempt() -> Robot | None:
         try:
-            return omniwheel.connect(url)
+            return omniwheel.robot.connect(url)
         except LinkError:
             return None
 

@@ -21,11 +21,11 @@ from unittest.mock import patch
 
 from MAVProxy.modules.mavproxy_param import ParamState
 
-from omniwheel import Robot, connect
 from omniwheel.connection import Connection
 from omniwheel.dialect import mavlink
 from omniwheel.presets import read_preset
 from omniwheel.radio_model import RadioSettings
+from omniwheel.robot import Robot, connect
 from omniwheel.robots import parameter_table
 from omniwheel.signing import EPOCH_S, UNITS_PER_S, Signer
 from tests.parity.budget_page import replace_block

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from omniwheel import Robot, connect
 from omniwheel.dialect import mavlink
 from omniwheel.log_download import LogDownload
 from omniwheel.radio_model import RadioSettings
+from omniwheel.robot import Robot, connect
 from tests.radio.download_page import robot_with, station
 from tests.radio.memory_robot import USB, MemoryLink
 from tests.radio.simulated_radio import RadioLink

@@ -8,10 +8,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from omniwheel import Robot, connect
 from omniwheel.bringup.other_stops import safety_of
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError
+from omniwheel.robot import Robot, connect
 from tests.radio.memory_robot import USB, MemoryLink, MemoryRobot
 
 COMMAND_LONG, COMMAND_ACK = mavlink.MAVLINK_MSG_ID_COMMAND_LONG, mavlink.MAVLINK_MSG_ID_COMMAND_ACK

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from omniwheel import connect
 from omniwheel.radio_model import RadioSettings
+from omniwheel.robot import connect
 from omniwheel.robots import parameter_table
 from tests.radio import download_page
 from tests.radio.download_page import bad_radio, robot_with, station

@@ -120,13 +120,12 @@ def link_url(link: str | None) -> str:
     """Return the link to use; without one, the only port that looks like a Teensy."""
     if link:
         return link
-    from omniwheel.ports import serial_ports
+    from omniwheel.ports import only_teensy
 
-    found = [port.device for port in serial_ports() if port.guess == "teensy"]
-    if len(found) == 1:
-        return found[0]
-    what = f"{len(found)} Teensys are connected: {', '.join(found)}" if found else "no Teensy is connected"
-    raise LinkUrlError(f"which robot? {what}", hint=_WHERE_ROBOTS_ARE)
+    try:
+        return only_teensy()
+    except LinkUrlError as error:
+        raise LinkUrlError(str(error), hint=_WHERE_ROBOTS_ARE) from error
 
 
 def open_robot(

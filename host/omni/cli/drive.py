@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -30,7 +30,7 @@ from omni.cli.negative_numbers import NumberCommand
 from omni.cli.options import DEFAULT_OUT, OutOption, stop_after_option, takes
 from omni.cli.progress import Waiting
 from omni.cli.robot_options import DriveOptions, LogOption
-from omniwheel.errors import LimitError, SetpointError
+from omniwheel.errors import NotArrivedError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.robots import parameter_table
@@ -62,10 +62,6 @@ app.add_typer(host_control.app, name="host-control", hidden=True)
 _SLICE_S = 0.25
 _ARMED_S = 3.0
 """The robot's heartbeat says at once that it is armed, and once a second if that one got lost."""
-_BACK_S = 0.5
-"""Path time that goes back by more is that of another path, even if the text that says so was lost."""
-_SETTLED_M = 0.005
-_SETTLED_RAD = 0.02
 
 DurationOption = Annotated[
     float, typer.Option("--duration", "-d", "--for", min=0.0, metavar="S", help="How long to drive.")
@@ -77,8 +73,6 @@ LapsOption = Annotated[
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
 
-_PATIENCE = 1.5
-"""Time for a pose by the time that it should take, where no --duration is given."""
 _TURN_DEG = 360.0
 _ANGLE = re.compile(r"([-+0-9.eE]+|[-+]?inf|nan)\s*(deg|°|rad|)")
 
@@ -170,9 +164,15 @@ def velocity(
     asked = f"velocity {vx:g} {vy:g} {wz:g}{' world' if world else ''} for {duration:g} s"
     check = partial(_require_velocity, vx=vx, vy=vy, wz=wz, frame=frame, duration_s=duration)
     with _armed(wanted, asked, check) as robot:
-        _drive_in_slices(robot, duration, lambda: robot.set_velocity(vx, vy, wz, frame=frame), wanted.as_json)
-        robot.drive_velocity(0.0, 0.0, 0.0, _SLICE_S)
+        with Waiting("driving", duration, quiet=wanted.as_json) as waiting:
+            robot.drive(vx, vy, wz, duration, frame=frame, progress=_shown(robot, waiting))
         _result(robot, wanted.as_json)
+
+
+def _shown(robot: Robot, waiting: Waiting) -> Callable[[object], None]:
+    """Return what shows the time that a drive has lasted."""
+    start = robot.connection.clock()
+    return lambda _: waiting.at(robot.connection.clock() - start)
 
 
 def _require_velocity(robot: Robot, vx: float, vy: float, wz: float, frame: str, duration_s: float) -> None:
@@ -233,56 +233,21 @@ def pose(
     allowed: list[float] = []  # [s], one entry: found out before the robot arms
 
     def plan(robot: Robot) -> None:
-        allowed.append(_allowed_time(robot, goal, duration, wanted.as_json))
+        allowed.append(robot.allowed_time_s(goal, duration))
+        if duration is None:
+            note(f"about {robot.travel_time_s(goal):.0f} s away", quiet=wanted.as_json)
 
+    arrived = True
     with _armed(wanted, f"pose {x:g} {y:g} {theta}", plan) as robot:
-        (allowed_s,) = allowed
-        start = robot.connection.clock()
-        with Waiting("driving", allowed_s, quiet=wanted.as_json) as waiting:
-            while (passed := robot.connection.clock() - start) < allowed_s and not _is_at(robot, goal):
-                robot.repeat(lambda: robot.set_pose(*goal), _SLICE_S)
-                robot.guard.check()
-                waiting.at(passed)
-        arrived = _is_at(robot, goal)
+        with Waiting("driving", allowed[0], quiet=wanted.as_json) as waiting:
+            try:
+                robot.drive_to(*goal, timeout_s=allowed[0], progress=_shown(robot, waiting))
+            except NotArrivedError as error:
+                arrived, why = False, f"{error}; a longer --duration may help"
         _result(robot, wanted.as_json, arrived=arrived)
-        way, turn = _distance(robot, goal)
     if not arrived:
-        note(f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {allowed_s:.3g} s; a longer --duration may help")
+        note(why)
         raise typer.Exit(1)
-
-
-def _allowed_time(robot: Robot, goal: Pose, duration_s: float | None, quiet: bool) -> float:
-    """Return how long the robot may take; refuse a pose out of reach, or a time in which no way leads there."""
-    from omniwheel.capability.reach import SETTLING_S, travel_time_s
-    from omniwheel.telemetry import Tracking
-
-    robot.require_pose(*goal)
-    here = robot.wait_for(Tracking).pose
-    needed_s = travel_time_s(robot.drive_model(), here, goal, robot.parameters["TRJ_MARGIN"])
-    if duration_s is None:
-        note(f"about {needed_s:.0f} s away", quiet=quiet)
-        return _PATIENCE * needed_s
-    if duration_s < needed_s - SETTLING_S:
-        way = math.hypot(here.x - goal.x, here.y - goal.y)
-        raise LimitError(
-            f"{way:.2f} m take this robot about {needed_s:.0f} s, --duration is {duration_s:g} s",
-            hint="leave --duration out, or see what limits the robot: omni robots check",
-        )
-    return duration_s
-
-
-def _distance(robot: Robot, goal: Pose) -> tuple[float, float]:
-    """Return metres and radians from the robot's estimated pose to ``goal``, infinite before the first estimate."""
-    tracking = robot.status.tracking
-    if tracking is None:
-        return math.inf, math.inf
-    here = tracking.pose
-    return math.hypot(here.x - goal.x, here.y - goal.y), abs(math.remainder(here.theta - goal.theta, math.tau))
-
-
-def _is_at(robot: Robot, goal: Pose) -> bool:
-    way, turn = _distance(robot, goal)
-    return way < _SETTLED_M and turn < _SETTLED_RAD
 
 
 @app.command("trajectory", epilog=examples("omni drive trajectory rose", "omni drive trajectory circle --laps 2"))
@@ -306,10 +271,8 @@ def trajectory(
 
     checked_value(parameter_table(), "TRJ_TYPE", type_name)
     with _armed(wanted, f"trajectory {type_name}") as robot:
-        robot.start_trajectory(type_name, laps)
-        tracking = _until_done(robot, duration, wanted.as_json)
-        robot.stop_trajectory()
-        _result(robot, wanted.as_json, phase=tracking.phase)
+        phase = _to_the_end(wanted, partial(robot.follow_trajectory, type_name, laps, timeout_s=duration))
+        _result(robot, wanted.as_json, phase=phase)
 
 
 @app.command("path", epilog=examples("omni drive path line.csv --speed 0.3", "omni drive path loop.csv --laps 3"))
@@ -340,33 +303,22 @@ def path(
     heading_rad = None if heading is None else _angle(heading)
     line = drawn_path(read_line(file), speed, heading_rad=heading_rad, laps=1.0 if laps is None else laps)
     with _armed(wanted, f"path {file.name}", line.require) as robot:
-        line.start(robot)
-        tracking = _until_done(robot, duration, wanted.as_json)
-        robot.stop_trajectory()
-        _result(robot, wanted.as_json, phase=tracking.phase)
+        phase = _to_the_end(wanted, partial(robot.follow, line, timeout_s=duration))
+        _result(robot, wanted.as_json, phase=phase)
 
 
-def _until_done(robot: Robot, duration_s: float, quiet: bool) -> Tracking:
-    """Return the robot's last words of a path: it is done, or its time is over.
+def _to_the_end(wanted: DriveOptions, follow: Callable[..., object]) -> str:
+    """Follow a path to its end, or until its time is over; return the phase it was in."""
+    phases = ["none"]
+    with Waiting("on the path", math.inf, quiet=wanted.as_json) as waiting:
 
-    Raises StoppedError if another station ended it. Its time never goes back: then another path has begun.
-    """
-    from omniwheel.telemetry import Tracking
+        def show(tracking: Tracking) -> None:
+            phases.append(tracking.phase)
+            waiting.at(tracking.path_time_s)
 
-    start = robot.connection.clock()
-    started, path_s = False, 0.0
-    with Waiting("on the path", math.inf, quiet=quiet) as waiting:
-        for tracking in robot.telemetry(Tracking):
-            robot.guard.check()
-            passed = robot.connection.clock() - start
-            waiting.at(passed)
-            started = started or tracking.phase in ("lead-in", "path")
-            if (started and tracking.phase == "done") or passed > duration_s:
-                return tracking
-            if started and (tracking.phase == "none" or tracking.path_time_s < path_s - _BACK_S):
-                raise robot.guard.held()
-            path_s = max(path_s, tracking.path_time_s)
-    raise AssertionError("telemetry() ends only by an exception")
+        with suppress(NotArrivedError):
+            follow(progress=show)
+    return phases[-1]
 
 
 @app.command(

@@ -75,7 +75,7 @@ def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None) 
     from hil_sim.summary import PICTURE_FILE
     from omniwheel.drive_log import draw_telemetry, read_record
     from omniwheel.drive_log.folder import TLOG_FILE
-    from omniwheel.drive_log.picture import in_words
+    from omniwheel.telemetry_picture import in_words
 
     record = read_record(log, part)
     beside = log.with_name(PICTURE_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")

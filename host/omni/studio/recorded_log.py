@@ -18,10 +18,10 @@ from omni.studio.marks import Marks
 from omni.studio.samples import Trace, extremes, thinned
 from omni.studio.signals import MOST_WHEELS, Signal, all_signals, signals_of
 from omniwheel.dialect import Message
-from omniwheel.drive_log.record import EventWatcher, parameters_beside
 from omniwheel.errors import LogError
 from omniwheel.pose_jumps import NEAR_S, PoseJump, geometry_of, jumps_of, steps_of
 from omniwheel.telemetry import Control, Tracking, Wheels
+from omniwheel.telemetry_record import EventWatcher, parameters_beside
 
 PIECE_BYTES = 1 << 20
 MOST_PIECES = 32

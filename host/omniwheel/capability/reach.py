@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 
@@ -75,13 +76,14 @@ def _refusal(model: DriveModel, twist: Twist, bound: Bound, body: Array) -> Limi
     also = f" with {twist.wz:g} rad/s" if speed > 0.0 and twist.wz else ""
     limit, reached = _limit_text(model, bound.cause), bound.value * unit[1]
     message = f"asked {unit[1]:.3g} {unit[0]}{also}; this robot reaches {reached:.3g} {unit[0]} of that: {limit}"
+    known = partial(LimitError, limit=bound.cause, asked=unit[1], possible=reached)
     if bound.cause == MOTORS:
-        return LimitError(message, hint="ask for less; `omni robots check` shows what the robot can do")
+        return known(message, hint="ask for less; `omni robots check` shows what the robot can do")
     needed = _needed(model, bound.cause, twist, body)
     if motors * _ROUNDING < unit[1]:
-        return LimitError(f"{message}; its motors could {motors:.3g}", hint="ask for less: no limit helps here")
+        return known(f"{message}; its motors could {motors:.3g}", hint="ask for less: no limit helps here")
     hint = f"ask for less, or on a robot that may go so fast: omni params set {bound.cause}={needed:.3g}"
-    return LimitError(f"{message}; its motors could {motors:.3g}", hint=hint)
+    return known(f"{message}; its motors could {motors:.3g}", hint=hint)
 
 
 def _limit_text(model: DriveModel, cause: str) -> str:
@@ -106,11 +108,17 @@ def check_pose(pose: Pose, position_limit_m: float) -> None:
             raise LimitError(
                 f"{axis} = {value:g} m is beyond LIM_POS, {position_limit_m:g} m",
                 hint="poses are in the world's frame, in metres; a larger room: omni params set LIM_POS=...",
+                limit="LIM_POS",
+                asked=abs(value),
+                possible=position_limit_m,
             )
     if abs(pose.theta) > 2.0 * math.pi:
         raise LimitError(
             f"theta = {pose.theta:g} rad is more than a turn",
             hint=f"radians are meant; for degrees write {pose.theta:g}deg",
+            limit="a turn",
+            asked=abs(pose.theta),
+            possible=math.tau,
         )
 
 

@@ -13,18 +13,16 @@ from typing import Any
 
 from omni_schema import ParameterTable
 from omniwheel import __version__, files, parameter_file
-from omniwheel.drive_log.picture import draw_telemetry
-from omniwheel.drive_log.record import TelemetryRecord, read_record
 from omniwheel.errors import LogError, OmniError, OutputFileError
-from omniwheel.link import parse_url
+from omniwheel.link import is_slow
 from omniwheel.logs.run_folder import DRIVE_PARAMETERS, DRIVE_TLOG, new_run_folder
 from omniwheel.robot import Robot
+from omniwheel.telemetry_picture import draw_telemetry
+from omniwheel.telemetry_record import TelemetryRecord, read_record
 from omniwheel.tlog import TlogWriter
 
 DRIVE_FILE, TLOG_FILE, PICTURE_FILE = "drive.json", DRIVE_TLOG, "run.png"
 BEFORE_FILE, AFTER_FILE = DRIVE_PARAMETERS, "parameters_after.toml"
-SLOW_BAUD = 57_600
-"""Below this, reading all parameters would hold the drive up for many seconds: those that are known are kept."""
 CONTROLLER = "CTL_MODE"
 WATCHED, WATCHED_HZ = ("OMNI_TRACKING", "OMNI_WHEELS"), 50.0
 """What a faster link is asked for while the drive lasts."""
@@ -153,12 +151,6 @@ def _document(drive: Drive, table: ParameterTable, record: TelemetryRecord | Non
         "frames": drive.frames,
         "omniwheel": __version__,
     }
-
-
-def is_slow(url: str) -> bool:
-    """Say whether a link is a radio whose telemetry should stay as it is."""
-    address = parse_url(url)
-    return address.kind == "serial" and address.number < SLOW_BAUD
 
 
 def _recorded(path: Path) -> TelemetryRecord | None:

@@ -13,10 +13,10 @@ from typing import Any
 
 from omniwheel import parameter_file
 from omniwheel.drive_log.folder import BEFORE_FILE, DRIVE_FILE
-from omniwheel.drive_log.picture import jumps_in_words
 from omniwheel.errors import LogError, ParameterFileError
 from omniwheel.logs.run_folder import SUMMARY_FILE
 from omniwheel.robots import parameter_table
+from omniwheel.telemetry_picture import jumps_in_words
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 UNITS = (

@@ -229,9 +229,10 @@ class OwnedLink:
             hub = HubLink(self.url, address, "this was ")
         except LinkOpenError:  # it has given up meanwhile
             return b""
-        rest = self._link.read(0.0)
-        self._link.close()
-        self._link = hub
+        port = self._link
+        rest = port.read(0.0)
+        self._link = hub  # before the port is closed: another thread may be about to write
+        port.close()
         self._claim.close()
         return rest
 

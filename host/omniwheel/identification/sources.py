@@ -7,7 +7,7 @@ sampled at 50 Hz of a loop at 1 kHz says little of the mean voltage.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -18,13 +18,12 @@ from omniwheel.errors import DatasetError
 from omniwheel.frames import flip
 from omniwheel.identification.dataset import Dataset
 from omniwheel.telemetry import Sample, decode
-from omniwheel.tlog_reader import PartReader, TlogReader, longest_part
+from omniwheel.tlog_reader import NO_LOG_HINT, PartReader, TlogReader, iterate_messages, iterate_part, longest_part
 
 Array = NDArray[np.float64]
 WRAP = 2.0**32
 VOLT_SECONDS_PER_UNIT = 1e-6
 MIN_SAMPLES = 3
-HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz before `omni record`"
 
 
 def read_dataset(path: Path, parameters: Mapping[str, float], part: int | None = None) -> Dataset:
@@ -35,16 +34,6 @@ def read_dataset(path: Path, parameters: Mapping[str, float], part: int | None =
     """
     messages, note = read_part(path, part)
     return from_messages(messages, f"{path} ({note})" if note else str(path), parameters)
-
-
-def iterate_messages(reader: TlogReader) -> Iterator[Message]:
-    """Give the messages of a telemetry log in their order. Raises DatasetError."""
-    try:
-        yield from reader
-    except OSError as error:
-        raise DatasetError(f"{reader.path}: {error.strerror}", hint="give a .tlog file") from error
-    if not reader.frames:
-        raise DatasetError(f"{reader.path} is no telemetry log: there is no MAVLink frame in it", hint=HINT)
 
 
 def read_messages(path: Path) -> list[Message]:
@@ -64,13 +53,6 @@ def read_part(path: Path, part: int | None = None) -> tuple[list[Message], str]:
     return messages, "; ".join(said for said in (note, reader.note()) if said)
 
 
-def iterate_part(parts: PartReader, path: Path, part: int) -> Iterator[Message]:
-    """Give the messages of one part of a log. Raises DatasetError."""
-    yield from (message for number, message in parts if number == part)
-    if not 1 <= part <= len(parts.parts):
-        raise DatasetError(f"{path} has no part {part}", hint=f"its parts are {parts.listed()}")
-
-
 def from_messages(messages: Iterable[Message], name: str, parameters: Mapping[str, float]) -> Dataset:
     """Make a dataset of OMNI_SAMPLE and of pose fixes that carry the robot's time. Raises DatasetError."""
     samples: list[Sample] = []
@@ -82,7 +64,7 @@ def from_messages(messages: Iterable[Message], name: str, parameters: Mapping[st
         elif message.get_type() == "VICON_POSITION_ESTIMATE" and message.usec * 1e-6 > (fixes[-1][0] if fixes else 0.0):
             fixes.append((message.usec * 1e-6, *flip(message.x, message.y, message.yaw)))
     if len(samples) < MIN_SAMPLES:
-        raise DatasetError(f"{name} has {len(samples)} OMNI_SAMPLE messages; many are needed", hint=HINT)
+        raise DatasetError(f"{name} has {len(samples)} OMNI_SAMPLE messages; many are needed", hint=NO_LOG_HINT)
     return _dataset(samples, np.array(fixes).reshape(-1, 4), name, parameters)
 
 

@@ -143,7 +143,7 @@ class BridgeCounts:
 class Bridge:
     """Sends the poses of ``source`` to the robot on ``link``, which it owns from then on. A context manager.
 
-    ``source`` and ``clock`` must tell the same time. Raises what :func:`omniwheel.connect` raises, and
+    ``source`` and ``clock`` must tell the same time. Raises what :func:`omniwheel.robot.connect` raises, and
     LinkTimeoutError if the robot does not answer TIMESYNC. A fix has no target system: while another robot is on the
     line, sending one raises SeveralRobotsError.
     """

@@ -15,9 +15,10 @@ import pytest
 from hil_sim.faults import Fault
 from hil_sim.lockstep import LockstepLink
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
-from omniwheel import FirmwareProcess, Robot, connect
+from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.link import FileLink, open_link
+from omniwheel.robot import Robot, connect
 from omniwheel.robots import read_robot
 from tests.waiting import wait_until
 

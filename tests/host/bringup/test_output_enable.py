@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from hil_sim.faults import Fault
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.bringup import Assumed, check_output_enable
 from omniwheel.bringup.person import NotReadyError
+from omniwheel.robot import connect
 from omniwheel.robots import read_robot
 from tests.host.bringup.conftest import Bench, MakeBench
 from tests.host.bringup.test_stops import failures

@@ -14,11 +14,12 @@ from typer.testing import CliRunner, Result
 
 from omni.cli import app
 from omni.cli.keyboard import KeyDriver, _Keys, split_keys
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.capability import drive_model
 from omniwheel.capability.reach import check_velocity, travel_time_s
 from omniwheel.errors import LimitError
 from omniwheel.frames import Pose, Twist
+from omniwheel.robot import connect
 from omniwheel.robots import read_robot
 from omniwheel.telemetry import Tracking
 
@@ -36,7 +37,7 @@ def omni(*words: str) -> Result:
         ("velocity 0 0.17 0 --world-frame", "LIM_WHEEL is 3 rad/s"),
         ("pose 0.1 0 90", "90deg"),
         ("pose 500 0 0", "LIM_POS"),
-        ("pose 3 0 0 --duration 5", "--duration is 5 s"),
+        ("pose 3 0 0 --duration 5", "the time given is 5 s"),
         ("pose 0.1 0 ninety", "an angle is needed"),
         ("pose 0.1 0 infdeg", "theta"),
         ("duty 0.1 0.1", "2 duties for 3 wheels"),

@@ -16,7 +16,7 @@ from hil_sim.lockstep import LockstepLink
 from hil_sim.runs import new_world
 from hil_sim.scenario import load_scenario
 from omni.cli import app
-from omniwheel import FirmwareProcess, connect
+from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError, SetpointError
 from omniwheel.frames import Pose
@@ -24,6 +24,7 @@ from omniwheel.link import open_link
 from omniwheel.mocap import Bridge, BridgeSettings, MocapPose
 from omniwheel.mocap.bridge import FRAME_BYTES, FRAME_BYTES_SD, MESSAGES, OVERHEAD_BYTES, BridgeCounts
 from omniwheel.mocap.simulated import Cameras, SimulatedSource
+from omniwheel.robot import connect
 from omniwheel.telemetry import Tracking
 from tests.host.mocap.natnet_server import Body, Server
 

@@ -11,10 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel import files
-from omniwheel.drive_log.record import Array, TelemetryRecord
 from omniwheel.plot_style import GREY, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
+from omniwheel.telemetry_record import Array, TelemetryRecord
 
 MOST_MARKS = 12
+SIZE_IN = (13.0, 9.0)
 
 
 def draw_telemetry(record: TelemetryRecord, title: str, path: Path) -> None:
@@ -23,20 +24,25 @@ def draw_telemetry(record: TelemetryRecord, title: str, path: Path) -> None:
     from matplotlib.figure import Figure
 
     with rc_context(STYLE):
-        figure = Figure(figsize=(13.0, 9.0), layout="constrained")
-        figure.suptitle(f"{title}\n{in_words(record.numbers())}", fontsize=12.0)
-        grid = figure.add_gridspec(4, 2, width_ratios=(1.0, 1.1))
-        _draw_path(figure.add_subplot(grid[:, 0]), record)
-        axes = [figure.add_subplot(grid[0, 1])]
-        axes += [figure.add_subplot(grid[row, 1], sharex=axes[0]) for row in (1, 2, 3)]
-        start = min([float(times[0]) for times in (record.time_s, record.wheel_time_s) if len(times)])
-        _draw_errors(axes[0], axes[1], record, start)
-        _draw_wheels(axes[2], axes[3], record, start)
-        for time_s, _ in record.events[:MOST_MARKS]:
-            for one in axes:
-                one.axvline(time_s - start, color=MARK, linewidth=0.8, alpha=0.6)
-        axes[3].set_xlabel("time [s]")
+        figure = Figure(figsize=SIZE_IN, layout="constrained")
+        draw_into(figure, record, title)
         files.save_picture(figure, path)
+
+
+def draw_into(figure: Any, record: TelemetryRecord, title: str) -> None:
+    """Draw a telemetry log into a Matplotlib figure."""
+    figure.suptitle("\n".join(filter(None, (title, in_words(record.numbers())))), fontsize=12.0)
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.0, 1.1))
+    _draw_path(figure.add_subplot(grid[:, 0]), record)
+    axes = [figure.add_subplot(grid[0, 1])]
+    axes += [figure.add_subplot(grid[row, 1], sharex=axes[0]) for row in (1, 2, 3)]
+    start = min([float(times[0]) for times in (record.time_s, record.wheel_time_s) if len(times)])
+    _draw_errors(axes[0], axes[1], record, start)
+    _draw_wheels(axes[2], axes[3], record, start)
+    for time_s, _ in record.events[:MOST_MARKS]:
+        for one in axes:
+            one.axvline(time_s - start, color=MARK, linewidth=0.8, alpha=0.6)
+    axes[3].set_xlabel("time [s]")
 
 
 def in_words(numbers: Mapping[str, float | None]) -> str:

@@ -17,12 +17,19 @@ from numpy.typing import NDArray
 from omniwheel import parameter_file
 from omniwheel.dialect import Message, is_autopilot
 from omniwheel.errors import DatasetError, LogError, ParameterFileError
-from omniwheel.identification.sources import iterate_messages, iterate_part
 from omniwheel.logs.run_folder import DRIVE_PARAMETERS, DRIVE_TLOG
 from omniwheel.pose_jumps import Geometry, PoseJump, Steps, geometry_of, jumps_of, steps_of
 from omniwheel.robots import parameter_table
 from omniwheel.telemetry import Control, Heartbeat, Status, StatusText, Tracking, Wheels, decode
-from omniwheel.tlog_reader import ROBOT_COMPONENT, PartReader, RobotClock, TlogReader, recorded_s
+from omniwheel.tlog_reader import (
+    ROBOT_COMPONENT,
+    PartReader,
+    RobotClock,
+    TlogReader,
+    iterate_messages,
+    iterate_part,
+    recorded_s,
+)
 
 Array = NDArray[np.float64]
 FULL_DUTY = 0.99

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: MIT
+"""The face for programs with ``await``: the methods of :class:`omniwheel.Robot`, made of the very same code.
+
+>>> from omniwheel import aio
+>>> async def main():
+...     async with aio.connect() as robot:
+...         await robot.arm()
+...         await robot.drive_to(0.5, 0.0)
+...         async for tracking in robot.telemetry(Tracking):
+...             print(tracking.pose)
+
+Every method is awaited; the event loop goes on meanwhile. Generators become asynchronous ones. Properties stay as they
+are: ``robot.pose``. A motion that is cancelled brings the robot to rest first.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractContextManager, asynccontextmanager, suppress
+from functools import partial, wraps
+from typing import Any
+
+from omniwheel import background
+from omniwheel.errors import OmniError
+from omniwheel.parameters import Parameters
+from omniwheel.robot import Robot as ThreadedRobot
+from omniwheel.telemetry import TelemetryT
+
+MOTIONS = ("drive", "drive_to", "follow", "follow_trajectory", "turn_to")
+"""Methods that are still at it when they are cancelled, and the robot with them."""
+_END = object()
+
+
+class _Awaited:
+    """Something whose methods are awaited."""
+
+    def __init__(self, wrapped: Any) -> None:
+        self._wrapped = wrapped
+
+    def __getattr__(self, name: str) -> Any:
+        value = getattr(self._wrapped, name)
+        if not inspect.ismethod(value):
+            return value
+        if inspect.isgeneratorfunction(value.__func__):
+            return wraps(value)(partial(_iterated, value))
+        return wraps(value)(partial(self._await, name, value))
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *dir(self._wrapped)})
+
+    async def _await(self, name: str, method: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+        return await asyncio.to_thread(method, *arguments, **named)
+
+
+class AwaitedParameters(_Awaited):
+    """The parameters: ``await robot.parameters.read(name)``, ``await robot.parameters.set_many({...})``."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        super().__init__(parameters)
+
+    async def get(self, name: str) -> float:
+        """Return a value, as ``robot.parameters[name]``."""
+        return float(await asyncio.to_thread(self._wrapped.__getitem__, name))
+
+    async def set(self, name: str, value: Any) -> None:
+        """Set a value, as ``robot.parameters[name] = value``."""
+        await asyncio.to_thread(self._wrapped.__setitem__, name, value)
+
+
+class Robot(_Awaited):
+    """A robot whose methods are awaited; get one from :func:`connect` or :func:`simulate`."""
+
+    def __init__(self, robot: ThreadedRobot) -> None:
+        super().__init__(robot)
+        self.parameters = AwaitedParameters(robot.parameters)
+
+    async def _await(self, name: str, method: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
+        if name not in MOTIONS:
+            return await super()._await(name, method, *arguments, **named)
+        motion = asyncio.ensure_future(asyncio.to_thread(method, *arguments, **named))
+        try:
+            return await asyncio.shield(motion)
+        except asyncio.CancelledError:
+            with suppress(OmniError):
+                await asyncio.to_thread(self._wrapped.stop)
+            with suppress(OmniError):  # the one that stop() ended
+                await motion
+            raise
+
+    def on(self, kind: type[TelemetryT], callback: Callable[[TelemetryT], Any]) -> Callable[[], None]:
+        """Call ``callback``, a function or coroutine function, in the event loop with each telemetry of a ``kind``.
+
+        The returned function ends that.
+        """
+        loop = asyncio.get_running_loop()
+        tasks: set[asyncio.Future[Any]] = set()
+
+        def call(value: TelemetryT) -> None:
+            result = callback(value)
+            if inspect.isawaitable(result):
+                tasks.add(task := asyncio.ensure_future(result))
+                task.add_done_callback(tasks.discard)
+
+        remove: Callable[[], None] = self._wrapped.on(kind, lambda value: loop.call_soon_threadsafe(call, value))
+        return remove
+
+
+async def _iterated(method: Callable[..., Iterator[Any]], *arguments: Any, **named: Any) -> AsyncIterator[Any]:
+    iterator = method(*arguments, **named)
+    try:
+        while (value := await asyncio.to_thread(next, iterator, _END)) is not _END:
+            yield value
+    finally:
+        with suppress(ValueError, AttributeError):  # it still runs in its thread
+            iterator.close()  # type: ignore[attr-defined]
+
+
+@asynccontextmanager
+async def _entered(make: Callable[[], AbstractContextManager[ThreadedRobot]]) -> AsyncIterator[Robot]:
+    context = await asyncio.to_thread(make)
+    robot = await asyncio.to_thread(context.__enter__)
+    try:
+        yield Robot(robot)
+    except BaseException as error:
+        if not await asyncio.to_thread(context.__exit__, type(error), error, error.__traceback__):
+            raise
+    else:
+        await asyncio.to_thread(context.__exit__, None, None, None)
+
+
+@wraps(background.connect)
+def connect(*arguments: Any, **named: Any) -> Any:
+    """Connect to a robot, as :func:`omniwheel.connect`: ``async with aio.connect(...) as robot``."""
+    return _entered(partial(background.connect, *arguments, **named))
+
+
+@wraps(background.simulate)
+def simulate(*arguments: Any, **named: Any) -> Any:
+    """Simulate a robot, as :func:`omniwheel.simulate`: ``async with aio.simulate(...) as robot``."""
+    return _entered(partial(background.simulate, *arguments, **named))

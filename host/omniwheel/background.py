@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: MIT
+"""The default face of the library: a thread serves the link, so that a program may sleep and compute."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
+
+from omni_schema import Robot as RobotFile
+from omniwheel.connection import Recorder
+from omniwheel.limits import DEFAULT_TIMEOUT_S
+from omniwheel.link import Link
+from omniwheel.robot import Robot
+from omniwheel.robot import connect as _connect
+from omniwheel.simulation import DEFAULT_ROBOT, REAL_TIME, SimulatedRobot
+from omniwheel.simulation import simulate as _simulate
+
+
+def connect(
+    url: str | Link | None = None,
+    *,
+    timeout_s: float = DEFAULT_TIMEOUT_S,
+    system_id: int | None = None,
+    heartbeat: bool = True,
+    recorder: Recorder | None = None,
+    signing_key: bytes | None = None,
+    record: bool = True,
+) -> Robot:
+    """Connect to a robot and serve its link in a thread until ``robot.close()``, or the end of the ``with`` block.
+
+    ``url``: a serial port, ``tcp:host:port``, ``udp:host:port`` or ``udpout:host:port``; None: the only Teensy that is
+    plugged in. With ``record``, ``robot.run`` is everything since. The rest is as of
+    :func:`omniwheel.robot.connect`, and so is what it raises.
+    """
+    return _connect(
+        url,
+        timeout_s=timeout_s,
+        system_id=system_id,
+        heartbeat=heartbeat,
+        recorder=recorder,
+        signing_key=signing_key,
+        record=record,
+        background=True,
+    )
+
+
+def simulate(
+    robot: str | Path | RobotFile = DEFAULT_ROBOT,
+    *,
+    world: Any = None,
+    scenario: Any = None,
+    seed: int | None = 0,
+    speed: str = REAL_TIME,
+    record: bool = True,
+) -> AbstractContextManager[SimulatedRobot]:
+    """Simulate a robot with its real firmware while the ``with`` block lasts; as :func:`omniwheel.simulation.simulate`.
+
+    With ``speed`` "max" there is no thread: simulated time passes while a method of the robot waits.
+    """
+    return _simulate(robot, world=world, scenario=scenario, seed=seed, speed=speed, record=record)

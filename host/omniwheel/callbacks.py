@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: MIT
+"""Calls a program's callbacks in a thread of their own, so that a slow one holds up neither link nor heartbeat."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from queue import Full, Queue
+
+from omniwheel.connection import Connection
+
+WAITING = 10_000
+"""Calls that wait at most; what comes while so many wait is left out."""
+_END_S = 2.0
+
+
+class Callbacks:
+    """The thread; it starts with the first call."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._calls: Queue[Callable[[], object] | None] = Queue(WAITING)
+        self._thread = threading.Thread(target=self._run, name="omniwheel callbacks", daemon=True)
+        self._thread.start()
+
+    def call(self, action: Callable[[], object]) -> None:
+        """Have ``action`` called soon."""
+        try:
+            self._calls.put_nowait(action)
+        except Full:
+            return
+
+    def close(self) -> None:
+        """End the thread after the call that is under way."""
+        while not self._calls.empty():
+            self._calls.get_nowait()
+        self._calls.put(None)
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_END_S)
+
+    def _run(self) -> None:
+        while (action := self._calls.get()) is not None:
+            try:
+                action()
+            except Exception as error:
+                self._connection.raise_in_waiting(error)

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: MIT
+"""What a drive returns: where the robot was, where it should have been, and how long it took."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from omniwheel.frames import Pose
+from omniwheel.telemetry import Tracking
+
+Array = NDArray[np.float64]
+Progress = Callable[[Tracking], object]
+"""Called with what the robot says of its pose while it drives."""
+
+
+@dataclass(frozen=True)
+class Driven:
+    """A drive that ended as it should.
+
+    ``time_s`` (n,) is the robot's clock, ``poses`` and ``references`` (n, 3) are the estimated and the wanted world
+    poses then: x [m], y [m], theta [rad]. ``duration_s`` is how long the drive took on the program's clock, ``goal``
+    where it should end; None if nothing said so.
+    """
+
+    time_s: Array
+    poses: Array
+    references: Array
+    duration_s: float
+    goal: Pose | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """The last pose; NaN if the robot said nothing meanwhile."""
+        return Pose(*map(float, self.poses[-1])) if len(self.poses) else Pose(math.nan, math.nan, math.nan)
+
+    @property
+    def errors(self) -> Array:
+        """Estimate minus reference (n, 3) [m, m, rad]."""
+        error = self.poses - self.references
+        error[:, 2] = np.remainder(error[:, 2] + math.pi, math.tau) - math.pi
+        return error
+
+    @property
+    def largest_error_m(self) -> float:
+        """Largest distance between estimate and reference [m]; NaN if the robot said nothing meanwhile."""
+        errors = self.errors
+        return float(np.hypot(errors[:, 0], errors[:, 1]).max()) if len(errors) else math.nan
+
+    @property
+    def distance_m(self) -> float:
+        """Length of the line through the poses [m]."""
+        return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
+
+    def __str__(self) -> str:
+        x, y, theta = self.pose
+        return f"{self.distance_m:.3f} m in {self.duration_s:.1f} s, to x = {x:.3f} m, y = {y:.3f} m, {theta:.3f} rad"
+
+
+def driven(rows: list[Tracking], duration_s: float, goal: Pose | None) -> Driven:
+    """Return what was driven, from what the robot said meanwhile."""
+    return Driven(
+        time_s=np.array([row.time_s for row in rows]),
+        poses=np.array([row.pose for row in rows], dtype=np.float64).reshape(-1, 3),
+        references=np.array([row.reference for row in rows], dtype=np.float64).reshape(-1, 3),
+        duration_s=duration_s,
+        goal=goal,
+    )

@@ -1,0 +1,489 @@
+# SPDX-License-Identifier: MIT
+"""Motions of a connected robot that end by themselves, or raise why not: :class:`MovingRobot`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from omniwheel.capability.reach import SETTLING_S, check_velocity, travel_time_s
+from omniwheel.connection import Connection
+from omniwheel.driven import Driven, Progress, driven
+from omniwheel.errors import DriveError, LimitError, LinkError, NotArrivedError, OmniError, SetpointError, StoppedError
+from omniwheel.frames import Pose, Twist
+from omniwheel.motion_profile import Profile, profile
+from omniwheel.robot_base import SETPOINT_PERIOD_S, RobotBase
+from omniwheel.setpoints import finite
+from omniwheel.telemetry import Tracking, decode
+
+if TYPE_CHECKING:
+    from omniwheel.drawn_path import DrawnPath
+
+ARRIVED_M = 0.005
+ARRIVED_RAD = 0.02
+ARRIVED_S = 0.2
+"""Time that the robot has to be there, on its clock."""
+PATIENCE = 1.5
+"""Time that a drive may take, times the one that it should take, unless told otherwise."""
+FRAMES = ("world", "body")
+_BACK_S = 0.5
+"""Path time that goes back by more is that of another path, even if the text that says so was lost."""
+_RAMP_SHARE = 0.5
+"""Share of LIM_A with which a drive of a given speed gains it."""
+_REST_M_S, _REST_RAD_S = 1e-3, 5e-3
+_REST_TIMEOUT_S = 5.0
+_MOVED_S = 2.0
+"""How far the robot moved in the last so many seconds is said of one that did not arrive."""
+
+
+class MovingRobot(RobotBase):
+    """The part of :class:`omniwheel.Robot` that drives somewhere.
+
+    Every motion begins where the last one ended, and after it the robot holds its pose until the next one. A motion
+    ends early with StoppedError if the robot stops itself, if another station or program stops it, or if another thread
+    of this program begins another motion. Then, and after Ctrl-C, the robot is at rest.
+    """
+
+    _motion = 0
+    """Number of the latest motion. One that finds another number here has been replaced."""
+
+    # ---- to a pose
+
+    def drive_to(
+        self,
+        x: float,
+        y: float,
+        heading: float | None = None,
+        *,
+        speed: float | None = None,
+        frame: str = "world",
+        timeout_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Driven:
+        """Drive to a pose and return on arrival: within 5 mm and 0.02 rad for 0.2 s. Then the robot holds its pose.
+
+        ``x``, ``y`` [m] and ``heading`` [rad, counter-clockwise; None: as now] are in the ``frame`` "world", or "body":
+        ahead, to the left, and turned from where the robot is now. With ``speed`` [m/s] it drives a straight line, with
+        ramps of half of LIM_A. Without, it is as fast as TRJ_MARGIN, LIM_V and LIM_WHEEL let it. ``timeout_s``:
+        1.5 times the time that it should take, unless given. ``progress`` is called with each :class:`Tracking`.
+
+        Raises LimitError before anything moves if the robot cannot go there, so fast, or in this time; NotArrivedError
+        if it is not there in time; StoppedError; LinkError.
+        """
+        self._require_armed()
+        goal = self.goal(x, y, heading, frame)
+        allowed_s = self.allowed_time_s(goal, timeout_s, speed=speed)
+        way = None if speed is None else self._profile(goal, speed)
+        start_s = self.connection.clock()
+
+        def ask() -> None:
+            if way is None:
+                self.set_pose(*goal)
+            else:
+                pose, twist = way.at(self.connection.clock() - start_s)
+                self.set_pose(*pose, feed_forward=twist)
+
+        with self._moving(ask, goal, progress) as motion:
+            while not motion.is_at_goal() or (way is not None and motion.time_s < way.duration_s):
+                if motion.time_s > allowed_s:
+                    raise motion.not_arrived(allowed_s)
+                motion.wait()
+        return motion.result
+
+    def turn_to(
+        self,
+        heading: float,
+        *,
+        frame: str = "world",
+        timeout_s: float | None = None,
+        progress: Progress | None = None,
+    ) -> Driven:
+        """Turn on the spot to a heading [rad], the shorter way; as :meth:`drive_to`."""
+        if frame not in FRAMES:
+            raise _unknown_frame(frame)
+        here = self._tracking().reference
+        there = finite("heading", heading) + (here.theta if frame == "body" else 0.0)
+        wrapped = math.remainder(there, math.tau) if frame == "body" else there
+        return self.drive_to(here.x, here.y, wrapped, timeout_s=timeout_s, progress=progress)
+
+    def goal(self, x: float, y: float, heading: float | None = None, frame: str = "world") -> Pose:
+        """Return the world pose that :meth:`drive_to` would drive to. Raises SetpointError, LimitError."""
+        if frame not in FRAMES:
+            raise _unknown_frame(frame)
+        here = self._tracking().reference
+        x, y = finite("x", x), finite("y", y)
+        turn = None if heading is None else finite("heading", heading)
+        if frame == "world":
+            return Pose(x, y, math.remainder(here.theta, math.tau) if turn is None else turn)
+        c, s = math.cos(here.theta), math.sin(here.theta)
+        theta = math.remainder(here.theta + (turn or 0.0), math.tau)
+        return Pose(here.x + c * x - s * y, here.y + s * x + c * y, theta)
+
+    def travel_time_s(self, goal: Pose, speed: float | None = None) -> float:
+        """Return about how long the robot takes to a world pose [s]. Raises LimitError for one out of its reach."""
+        self.require_pose(*goal)
+        if speed is not None:
+            return self._profile(goal, speed).duration_s + SETTLING_S
+        margin = self.parameters["TRJ_MARGIN"]
+        return travel_time_s(self.drive_model(), self._tracking().pose, goal, margin)
+
+    def allowed_time_s(self, goal: Pose, timeout_s: float | None = None, *, speed: float | None = None) -> float:
+        """Return how long a drive to a world pose may take [s]: ``timeout_s``, or 1.5 times what it should take.
+
+        Raises LimitError for a pose out of reach, or a time in which the robot cannot be there.
+        """
+        needed_s = self.travel_time_s(goal, speed)
+        if timeout_s is None:
+            return PATIENCE * needed_s
+        if timeout_s < needed_s - SETTLING_S:
+            here = self._tracking().pose
+            way = math.hypot(here.x - goal.x, here.y - goal.y)
+            raise LimitError(
+                f"{way:.2f} m take this robot about {needed_s:.0f} s; the time given is {timeout_s:g} s",
+                hint="give it more time or none, or see what limits the robot: omni robots check",
+                limit="time",
+                asked=timeout_s,
+                possible=needed_s,
+            )
+        return timeout_s
+
+    def _profile(self, goal: Pose, speed: float) -> Profile:
+        """Return the straight way to a pose; LimitError if the robot cannot be so fast on it."""
+        if not finite("speed", speed) > 0.0:
+            raise SetpointError(f"speed is {speed:g} m/s; more than 0 is needed")
+        model = self.drive_model()
+        acceleration = _RAMP_SHARE * model.acceleration_limit_m_s2
+        here = self._tracking().reference
+        way = profile(here, goal, speed, _RAMP_SHARE * model.turn_limit_rad_s, acceleration)
+        distance = math.hypot(goal.x - here.x, goal.y - here.y)
+        if distance > 0.0:  # at the speed itself, too, even if the way is too short to reach it
+            along = Twist(speed * (goal.x - here.x) / distance, speed * (goal.y - here.y) / distance, 0.0)
+            check_velocity(model, along, here.theta)
+        check_velocity(model, way.cruise, here.theta, way.turn_rad)
+        return way
+
+    # ---- along a path
+
+    def follow(
+        self,
+        path: Any,
+        *,
+        speed: float = 0.2,
+        heading: float | None = None,
+        laps: float = 1.0,
+        timeout_s: float = math.inf,
+        progress: Progress | None = None,
+    ) -> Driven:
+        """Follow a line on the floor on a smooth path without stops, and return at its end. Then the robot holds.
+
+        ``path``: world positions x, y [m] as a sequence, a NumPy array (n, 2), an object with ``coords`` (shapely), or
+        a CSV file of them; or a :class:`~omniwheel.drawn_path.DrawnPath`. The robot plans it itself, and slows down
+        to what its limits need. ``speed`` [m/s], ``heading`` [rad] to keep (None: along the path), ``laps`` as of
+        :func:`~omniwheel.drawn_path.drawn_path`. Raises DrawnPathError, LimitError, NotArrivedError, StoppedError.
+        """
+        self._require_armed()
+        line = as_path(path, speed, heading, laps)
+        line.require(self)
+        goal = line.points[-1] if 0.0 < line.laps <= 1.0 else None
+        with self._moving(None, goal, progress) as motion:
+            line.start(self)
+            motion.until_path_done(timeout_s)
+        return motion.result
+
+    def follow_trajectory(
+        self,
+        type: str | int | None = None,  # noqa: A002
+        laps: float | None = None,
+        period_s: float | None = None,
+        *,
+        timeout_s: float = math.inf,
+        progress: Progress | None = None,
+    ) -> Driven:
+        """Follow the on-board trajectory to its end, as :meth:`start_trajectory` takes it. Then the robot holds.
+
+        Raises NotArrivedError after ``timeout_s``, StoppedError, CommandRefusedError.
+        """
+        self._require_armed()
+        with self._moving(None, None, progress) as motion:
+            self.start_trajectory(type, laps, period_s)
+            motion.until_path_done(timeout_s)
+        return motion.result
+
+    # ---- with a velocity
+
+    def drive(
+        self,
+        vx: float,
+        vy: float,
+        wz: float,
+        duration_s: float,
+        *,
+        frame: str = "body",
+        progress: Progress | None = None,
+    ) -> Driven:
+        """Drive with a velocity [m/s, m/s, rad/s] for ``duration_s``, come to rest, and hold.
+
+        ``frame``: "body" or "world". Raises LimitError before anything moves if the robot cannot follow it,
+        StoppedError.
+        """
+        self._require_armed()
+        self.require_velocity(vx, vy, wz, frame=frame, duration_s=finite("duration_s", duration_s))
+        with self._moving(lambda: self.set_velocity(vx, vy, wz, frame=frame), None, progress) as motion:
+            while motion.time_s < duration_s:
+                motion.wait(duration_s - motion.time_s)
+            motion.come_to_rest()
+        return motion.result
+
+    def velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
+        """Drive with a velocity [m/s, m/s, rad/s] until the next motion, :meth:`stop` or :meth:`hold`; returns at once.
+
+        The velocity is sent again and again while the link is served: always with :func:`omniwheel.connect`, while
+        something waits with :mod:`omniwheel.sync`. It ends when the robot stops; the next motion raises why. Raises
+        LimitError if the robot cannot follow it, StoppedError.
+        """
+        self._require_armed()
+        self.require_velocity(vx, vy, wz, frame=frame)
+        self._begin()
+        self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame))
+
+    # ---- to rest
+
+    def stop(self) -> None:
+        """End every motion: brake with LIM_A, then hold the pose, armed. Nothing happens to a robot that is not armed.
+
+        A motion that another thread waits for raises StoppedError.
+        """
+        self._begin()
+        if self._may_drive():
+            with self._moving(None, None, None) as motion:
+                motion.come_to_rest()
+
+    def hold(self) -> None:
+        """End every motion and hold the present pose, armed; of one that is fast, :meth:`stop` brakes more gently."""
+        self._begin()
+        self.connection.repeat(None)
+        self.stop_trajectory()
+
+    def disarm(self) -> None:
+        """Power the motors off; always possible."""
+        self._forget_motion()
+        super().disarm()
+
+    def estop(self) -> None:
+        """Emergency stop, latched until :meth:`estop_clear`."""
+        self._forget_motion()
+        super().estop()
+
+    def _forget_motion(self) -> None:
+        self._begin()
+        self.connection.repeat(None)
+
+    # ---- what motions have in common
+
+    def _may_drive(self) -> bool:
+        return (self.armed_here or self.status.armed) and not self.guard.is_over
+
+    def _require_armed(self) -> None:
+        self.guard.check()
+        if not (self.armed_here or self.status.armed):
+            raise DriveError("the robot is not armed, so it cannot drive", hint="arm it first: robot.arm()")
+
+    def _tracking(self) -> Tracking:
+        """Return what the robot said last of its pose; wait for the first."""
+        return self.status.tracking or self.wait_for(Tracking)
+
+    def _repeat(self, ask: Callable[[], None]) -> None:
+        """Send a setpoint now, and again and again while the link is served and the robot drives."""
+
+        def ask_while_driving() -> None:
+            if self.guard.is_over:
+                self.connection.repeat(None)
+            else:
+                ask()
+
+        with self.connection.monitor:
+            ask()
+            self.connection.repeat(ask_while_driving, SETPOINT_PERIOD_S)
+
+    @contextmanager
+    def _moving(self, ask: Callable[[], None] | None, goal: Pose | None, progress: Progress | None) -> Iterator[Motion]:
+        """Watch a motion while the context lasts; then hold. ``ask`` is the setpoint that is repeated, if there is one.
+
+        If the motion ends by an error, the robot is brought to rest, as far as it can be reached.
+        """
+        motion = Motion(self, self._begin(), goal, progress)
+        try:
+            if ask is None:
+                self.connection.repeat(None)
+            else:
+                self._repeat(ask)
+            yield motion
+            self._end(motion)
+        except (StoppedError, LinkError):
+            if self._motion == motion.number:
+                self.connection.repeat(None)
+            raise
+        except BaseException:  # Ctrl-C, too
+            if self._motion == motion.number:
+                with suppress(OmniError):
+                    self.stop()
+            raise
+        finally:
+            motion.close()
+
+    def _end(self, motion: Motion) -> None:
+        """Hold the pose at the end of a motion."""
+        with self.connection.monitor:
+            motion.check()
+            self.connection.repeat(None)
+        self.stop_trajectory()
+        motion.finish()
+
+    def _begin(self) -> int:
+        """Return the number of a new motion; the one before is over."""
+        with self.connection.monitor:
+            self._motion += 1
+            return self._motion
+
+
+class Motion:
+    """A motion under way: what the robot says meanwhile, and whether it still drives."""
+
+    def __init__(self, robot: MovingRobot, number: int, goal: Pose | None, progress: Progress | None) -> None:
+        self.number = number
+        self._robot, self._goal, self._progress = robot, goal, progress
+        self._connection: Connection = robot.connection
+        self._start_s = self._connection.clock()
+        self._rows: list[Tracking] = []
+        self._shown = 0
+        self._result: Driven | None = None
+        self._remove = self._connection.add_listener(self._take)
+
+    def _take(self, message: Any) -> None:
+        tracking = decode(Tracking, message)
+        if tracking is not None:
+            self._rows.append(tracking)
+
+    @property
+    def time_s(self) -> float:
+        """Time since its beginning."""
+        return self._connection.clock() - self._start_s
+
+    @property
+    def result(self) -> Driven:
+        """What was driven; once it has ended."""
+        assert self._result is not None
+        return self._result
+
+    def finish(self) -> None:
+        """Make the result."""
+        self._result = driven(self._rows, self.time_s, self._goal)
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._remove()
+
+    def check(self) -> None:
+        """Raise StoppedError if the robot stopped, or another motion has begun."""
+        if self._robot._motion != self.number:
+            raise StoppedError("another thread of this program stopped the robot, or began another motion")
+        self._robot.guard.check()
+
+    def wait(self, at_most_s: float = SETPOINT_PERIOD_S) -> None:
+        """Serve the link for a moment, then :meth:`check`."""
+        self._robot.pump(min(SETPOINT_PERIOD_S, at_most_s))
+        self.check()
+        self._show()
+
+    def _show(self) -> None:
+        while self._progress is not None and self._shown < len(self._rows):
+            self._shown += 1
+            self._progress(self._rows[self._shown - 1])
+
+    def is_at_goal(self) -> bool:
+        """Whether the robot's estimate has been at the goal for ARRIVED_S: it does not only pass it."""
+        if not self._rows:
+            return False
+        last_s = self._rows[-1].time_s
+        for row in reversed(self._rows):
+            way, turn = self._left(row.pose)
+            if way > ARRIVED_M or turn > ARRIVED_RAD:
+                return False
+            if last_s - row.time_s >= ARRIVED_S:
+                return True
+        return False
+
+    def _left(self, here: Pose) -> tuple[float, float]:
+        """Return metres and radians to the goal."""
+        assert self._goal is not None
+        turn = abs(math.remainder(here.theta - self._goal.theta, math.tau))
+        return math.hypot(here.x - self._goal.x, here.y - self._goal.y), turn
+
+    def not_arrived(self, allowed_s: float) -> NotArrivedError:
+        """Return the error of a robot that is not at its goal in time."""
+        here, goal = self._robot._tracking().pose, self._goal
+        way, turn = self._left(here)
+        assert goal is not None
+        lately = [row.pose for row in self._rows if row.time_s > self._rows[-1].time_s - _MOVED_S]
+        moved = math.hypot(here.x - lately[0].x, here.y - lately[0].y) if lately else 0.0
+        return NotArrivedError(
+            f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {allowed_s:.3g} s; "
+            f"it moved {moved * 1e3:.0f} mm in the last {_MOVED_S:g} s",
+            goal,
+            here,
+            hint="is it blocked? else give it more time: timeout_s",
+        )
+
+    def come_to_rest(self) -> None:
+        """Ask for velocity zero until the robot's reference is at rest. Raises StoppedError."""
+        self._robot._repeat(lambda: self._robot.set_velocity(0.0, 0.0, 0.0))
+        end_s = self._connection.clock() + _REST_TIMEOUT_S
+        first = len(self._rows) + 1  # the next may still be of before
+        while not any(map(_is_at_rest, self._rows[first:])):
+            if self._connection.clock() > end_s:
+                return  # the robot says nothing of it: it has had the time
+            self.wait()
+
+    def until_path_done(self, timeout_s: float) -> None:
+        """Wait for the end of the path that the robot follows. Raises StoppedError if another one has begun."""
+        started, path_s, row = False, 0.0, 0
+        while True:
+            while row < len(self._rows):
+                tracking, row = self._rows[row], row + 1
+                started = started or tracking.phase in ("lead-in", "path")
+                if started and tracking.phase == "done":
+                    self._show()
+                    return
+                if started and (tracking.phase == "none" or tracking.path_time_s < path_s - _BACK_S):
+                    self.check()
+                    raise self._robot.guard.held()
+                path_s = max(path_s, tracking.path_time_s)
+            if self.time_s > timeout_s:
+                here = self._robot._tracking()
+                raise NotArrivedError(f"the path is not done after {timeout_s:g} s", here.reference, here.pose)
+            self._robot.wait_for(Tracking)
+            self.wait(0.0)
+
+
+def _is_at_rest(tracking: Tracking) -> bool:
+    vx, vy, wz = tracking.reference_rate
+    return math.hypot(vx, vy) < _REST_M_S and abs(wz) < _REST_RAD_S
+
+
+def as_path(path: Any, speed: float, heading: float | None, laps: float) -> DrawnPath:
+    """Return what the robot is given for a line in any form that :meth:`MovingRobot.follow` takes."""
+    from omniwheel.drawn_path import DrawnPath, drawn_path, read_line
+
+    if isinstance(path, DrawnPath):
+        return path
+    if isinstance(path, str | Path):
+        path = read_line(Path(path))
+    points = [list(point)[:2] for point in getattr(path, "coords", path)]
+    return drawn_path(points, speed, heading_rad=heading, laps=laps)
+
+
+def _unknown_frame(frame: str) -> SetpointError:
+    return SetpointError(f"the frame is {frame!r}; allowed are {', '.join(FRAMES)}")

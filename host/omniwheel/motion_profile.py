@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: MIT
+"""A straight way from one pose to another with a given speed: where a robot should be at each time."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from omniwheel.frames import Pose, Twist
+
+
+@dataclass(frozen=True)
+class Profile:
+    """A way from ``start`` to ``goal``: at rest at both ends, ``ramp_s`` of acceleration and of braking, then steady.
+
+    x, y and theta share one progress, so that the way is a straight line while the robot turns evenly. The turn is the
+    shorter one.
+    """
+
+    start: Pose
+    goal: Pose
+    duration_s: float
+    ramp_s: float
+
+    @property
+    def turn_rad(self) -> float:
+        """How far it turns, counter-clockwise [rad]."""
+        return math.remainder(self.goal.theta - self.start.theta, math.tau)
+
+    def at(self, time_s: float) -> tuple[Pose, Twist]:
+        """Return the pose and the world twist ``time_s`` after the beginning; those of the end from then on."""
+        share, rate = self._progress(time_s)
+        dx, dy, turn = self.goal.x - self.start.x, self.goal.y - self.start.y, self.turn_rad
+        pose = Pose(self.start.x + share * dx, self.start.y + share * dy, self.start.theta + share * turn)
+        return (self.goal if share >= 1.0 else pose), Twist(rate * dx, rate * dy, rate * turn)
+
+    @property
+    def cruise(self) -> Twist:
+        """The steady world twist."""
+        return self.at(0.5 * self.duration_s)[1]
+
+    def _progress(self, time_s: float) -> tuple[float, float]:
+        """Return the share 0..1 of the way, and its rate [1/s]."""
+        if time_s >= self.duration_s:
+            return 1.0, 0.0
+        top = 1.0 / (self.duration_s - self.ramp_s)
+        left_s = self.duration_s - time_s
+        if time_s < self.ramp_s:
+            return 0.5 * top * time_s * time_s / self.ramp_s, top * time_s / self.ramp_s
+        if left_s < self.ramp_s:
+            return 1.0 - 0.5 * top * left_s * left_s / self.ramp_s, top * left_s / self.ramp_s
+        return top * (time_s - 0.5 * self.ramp_s), top
+
+
+def profile(start: Pose, goal: Pose, speed_m_s: float, turn_rad_s: float, acceleration_m_s2: float) -> Profile:
+    """Return the way at this speed, or slower where ``turn_rad_s`` would be exceeded. All three are more than 0."""
+    distance_m = math.hypot(goal.x - start.x, goal.y - start.y)
+    turn = abs(math.remainder(goal.theta - start.theta, math.tau))
+    steady_s = max(distance_m / speed_m_s, turn / turn_rad_s, 1e-3)
+    ramp_s = speed_m_s / acceleration_m_s2
+    if ramp_s > steady_s:  # never as fast as that: half of the way is acceleration
+        ramp_s = math.sqrt(ramp_s * steady_s)
+        return Profile(start, goal, 2.0 * ramp_s, ramp_s)
+    return Profile(start, goal, steady_s + ramp_s, ramp_s)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: MIT
+"""The face with ``await``: the same methods in an event loop that goes on, and motions that can be cancelled."""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+from typing import Any
+
+import pytest
+
+from omniwheel import Robot, aio
+from omniwheel.errors import DriveError
+from omniwheel.telemetry import Tracking
+from tests.waiting import LONGEST_S, pass_time
+
+PATIENT = {"SAFE_CMD_TO": 10.0, "SAFE_LINK_TO": LONGEST_S}
+
+
+def test_it_drives_while_the_loop_goes_on() -> None:
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            await robot.parameters.set_many(PATIENT)
+            await robot.arm()
+            seen: list[Tracking] = []
+            robot.on(Tracking, seen.append)
+            drive = await robot.drive_to(0.2, 0.0)
+            assert drive.pose.x == pytest.approx(0.2, abs=0.01)
+            assert len(seen) > 5
+            async for tracking in robot.telemetry(Tracking):
+                assert tracking.pose.x == pytest.approx(0.2, abs=0.02)
+                break
+            assert robot.pose.x == pytest.approx(0.2, abs=0.02)
+            assert await robot.parameters.get("SAFE_CMD_TO") == 10.0
+
+    asyncio.run(main())
+
+
+def test_a_motion_that_is_cancelled_brings_the_robot_to_rest() -> None:
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            await robot.parameters.set_many(PATIENT)
+            await robot.arm()
+            drive = asyncio.ensure_future(robot.drive_to(3.0, 0.0, speed=0.3))
+            while robot.pose.x < 0.05:
+                await asyncio.to_thread(pass_time)
+            drive.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await drive
+            before = robot.simulation.true_pose.x
+            await robot.sleep(1.0)
+            assert robot.simulation.true_pose.x == pytest.approx(before, abs=0.02)
+            assert robot.armed
+
+    asyncio.run(main())
+
+
+def test_errors_are_those_of_the_library() -> None:
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            await robot.drive_to(1.0, 0.0)
+
+    with pytest.raises(DriveError):
+        asyncio.run(main())
+
+
+def test_every_method_is_there_and_awaited() -> None:
+    def is_waiting(name: str, method: Any) -> bool:
+        return not name.startswith("_") and inspect.isfunction(method) and name != "on"
+
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            for name, method in inspect.getmembers(Robot):
+                if is_waiting(name, method):
+                    assert callable(getattr(robot, name))
+                    assert getattr(robot, name).__doc__ == method.__doc__
+
+    asyncio.run(main())
