@@ -398,7 +398,7 @@ void App::say_latch(size_t link) {
 }
 
 /// Before a restart a stop that no tick has seen yet is kept, too: nothing moves then.
-void App::keep_stop() {
+void App::store_stop() {
     const uint8_t state = robot_.state();
     const bool coming = control_.stopping(OMNI_EVENT_ESTOP);
     const bool stopped = state == OMNI_STATE_ESTOP || (robot_.reboot() && coming);
@@ -414,7 +414,7 @@ void App::serve() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].refill(clock_.now_us);
     }
-    keep_stop();
+    store_stop();
     signing_service_.serve();
     status_texts_.serve();
     scan_.serve();

@@ -84,7 +84,7 @@ private:
     void take_frames(size_t link);
     void say_restart(size_t link);
     void say_latch(size_t link);
-    void keep_stop();
+    void store_stop();
     void greet(size_t link);
     /// What is wrong, to somebody who has not heard it.
     void tell_newcomer(size_t link);

@@ -76,7 +76,7 @@ static bool pack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_LA
 }
 
 static const omni_trajectory_t *trajectory_of(const hil_run_t *run, bool offered) {
-    return offered ? run->inputs.trajectory : run->robot.guide.trajectory;
+    return offered ? run->inputs.trajectory : run->robot.reference_generator.trajectory;
 }
 
 /* Plans that the robots follow, or that their inputs offer. @return false if some have one and some don't. */
@@ -147,7 +147,7 @@ static void unpack(const lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint6
     unpack_member(&core->inputs, runs, offsetof(hil_run_t, inputs), lanes->live.inputs);
     unpack_member(&core->outputs, runs, offsetof(hil_run_t, outputs), lanes->live.outputs);
     for (int lane = 0; lane < HIL_LANES; lane++) {
-        runs[lane]->robot.guide.trajectory = plans == NULL ? NULL : (const omni_trajectory_t *)plans->plan[lane];
+        runs[lane]->robot.reference_generator.trajectory = plans == NULL ? NULL : (const omni_trajectory_t *)plans->plan[lane];
         runs[lane]->ticks += repeats(runs, lane) ? 0 : ticks;
     }
 }

@@ -55,11 +55,11 @@ void tick(void *robot, const void *inputs, void *outputs) {
 void connect(void *robot, const void *config, hil_lanes_plans_t *plans) {
     auto *lanes = static_cast<omni_robot_t *>(robot);
     lanes->config = static_cast<const omni_robot_config_t *>(config);
-    lanes->guide.trajectory = packed(plans);
+    lanes->reference_generator.trajectory = packed(plans);
 }
 
 const hil_lanes_plans_t *plans_of(const void *robot) {
-    return reinterpret_cast<const hil_lanes_plans_t *>(static_cast<const omni_robot_t *>(robot)->guide.trajectory);
+    return reinterpret_cast<const hil_lanes_plans_t *>(static_cast<const omni_robot_t *>(robot)->reference_generator.trajectory);
 }
 
 void offer(void *inputs, hil_lanes_plans_t *plans) {

@@ -31,7 +31,7 @@ namespace core {
 #include "estimate/pose_ekf_correct.c"
 #include "estimate/pose_ekf_flow.c"
 #include "estimate/pose_ekf_history.c"
-#include "estimate/pose_ekf_turn.c"
+#include "estimate/pose_ekf_gyro.c"
 #include "math/math.c"
 #include "model/kinematics.c"
 

@@ -87,7 +87,7 @@ static void apply(hil_player_t *p, const hil_event_t *event) {
         }
         break;
     default: /* HIL_ACTION_TRAJECTORY_STOP */
-        omni_leave_plan(inputs);
+        omni_stop_trajectory(inputs);
         break;
     }
 }

@@ -100,7 +100,7 @@ void Pca9685::succeeded(const uint8_t *read) {
 /// It lost its power in between; or nothing reads it back, and then no set-up helps.
 void Pca9685::looked_wrong() {
     phase_ = Phase::off;
-    wrong_looks_ = omni_more_failures(wrong_looks_, 1);
+    wrong_looks_ = omni_add_failures(wrong_looks_, 1);
     if (wrong_looks_ >= wrong_looks_allowed) {
         failures_at_best_ = UINT16_MAX;
         ++errors_;
@@ -110,7 +110,7 @@ void Pca9685::looked_wrong() {
 
 void Pca9685::failed(I2cBus &bus, bool stuck, uint32_t updates) {
     ++errors_;
-    failures_ = omni_more_failures(failures_, updates);
+    failures_ = omni_add_failures(failures_, updates);
     suspicious_ = true;
     if (phase_ != Phase::ready) {
         phase_ = Phase::off;

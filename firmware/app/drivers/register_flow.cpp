@@ -22,7 +22,7 @@ constexpr float farthest_m = 8.0f;
 /// Faster is no robot: its wheels would turn at 100 turns a second.
 constexpr float fastest_m_s = 10.0f;
 
-constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_READ);
+constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_RECEIVED);
 constexpr uint8_t whole = way_only | static_cast<uint8_t>(OMNI_FLOW_TURN);
 
 /// A pose that can be reckoned with.
@@ -173,7 +173,7 @@ uint8_t RegisterFlow::take_pose(uint64_t now_us, const CountedPose &pose, float 
         start_again(now_us, FlowCause::jumped);
         return 0;
     }
-    uint8_t fresh = OMNI_FLOW_READ;
+    uint8_t fresh = OMNI_FLOW_RECEIVED;
     if (pose.cause != FlowCause::none) {
         good_ = 0;
         show(pose.cause, pose.status);

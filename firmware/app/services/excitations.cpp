@@ -29,7 +29,7 @@ OMNI_COLD omni_excitation_t plan_of(const Excitations::Wanted &wanted) {
     plan.ticks = static_cast<uint32_t>(std::lround(wanted.duration_s / tick_s));
     plan.amplitude = wanted.amplitude;
     plan.step_rad = 2.0f * OMNI_PI_F * tick_s * wanted.from_hz;
-    plan.rise_rad = 2.0f * OMNI_PI_F * tick_s * (wanted.to_hz - wanted.from_hz) / static_cast<float>(plan.ticks);
+    plan.phase_acceleration_rad = 2.0f * OMNI_PI_F * tick_s * (wanted.to_hz - wanted.from_hz) / static_cast<float>(plan.ticks);
     return plan;
 }
 

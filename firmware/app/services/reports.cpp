@@ -71,7 +71,7 @@ uint16_t in_millivolts(float volts) {
 /// What the motors take from the supply [0.01 A], by the estimate of their currents; braking motors give. -1: unknown.
 int16_t supply_current(const ReportSources &sources) {
     const omni_outputs_t &out = sources.robot.latest().outputs;
-    if (!sources.parameters.config().current.watched || !(out.supply_V > 0.0f)) {
+    if (!sources.parameters.config().current.enabled || !(out.supply_V > 0.0f)) {
         return -1;
     }
     float watts = 0.0f;

@@ -269,13 +269,13 @@ OMNI_COLD void StatusTexts::say_slowed() {
 void StatusTexts::say_limited() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = limited_said_us_ != 0 && clock_.now_us - limited_said_us_ < slowed_interval_us;
-    if (!(out.current_cut > 0.0f) || quiet) {
+    if (!(out.current_reduction > 0.0f) || quiet) {
         return;
     }
     limited_said_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
     texts_.say(MAV_SEVERITY_NOTICE, Text()
                                         .add("motors pushed at ")
-                                        .add(static_cast<uint32_t>((1.0f - out.current_cut) * 100.0f))
+                                        .add(static_cast<uint32_t>((1.0f - out.current_reduction) * 100.0f))
                                         .add(" %: LIM_I ")
                                         .add(rounded_figure(parameters_.values()[OMNI_PARAM_LIM_I]))
                                         .add(" A"));

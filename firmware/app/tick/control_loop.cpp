@@ -146,7 +146,7 @@ void ControlLoop::take_news(uint32_t flags) {
 
 void ControlLoop::take_excitation() {
     const uint8_t wheels = setup_->config.kinematics.wheels;
-    if (omni_excitation_start(&robot_.exciter, &excitations_.reading(), wheels) == OMNI_OK) {
+    if (omni_excitation_start(&robot_.excitation, &excitations_.reading(), wheels) == OMNI_OK) {
         burst.trigger();
     }
 }
@@ -193,7 +193,7 @@ void ControlLoop::take_flags(uint32_t flags) {
     constexpr uint32_t news = unordered | news_request | news_fix;
     inputs_.events = flags & ~news;
     if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
-        omni_leave_plan(&inputs_);
+        omni_stop_trajectory(&inputs_);
         oldest_valid_ = void_before_.load(std::memory_order_relaxed);
     }
     if ((flags & news_request) != 0) {
@@ -217,7 +217,7 @@ void ControlLoop::take_what_waits() {
 
 void ControlLoop::take_plan() {
     if (const omni_trajectory_t *plan = plans.take()) {
-        omni_follow_plan(&inputs_, plan);
+        omni_start_trajectory(&inputs_, plan);
         inputs_.setpoint.time_us = inputs_.time_us;
     }
 }
@@ -317,7 +317,7 @@ bool ControlLoop::release(MotorWires &wires) {
 void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
     driver_->drive(wires, now_us, outputs_->duty, outputs_->drive);
     driver_was_ready_ = driver_was_ready_ || driver_->ready();
-    powered_ = driver_->ready() && omni_motor_power(outputs_->drive, powered_, driver_->failures());
+    powered_ = driver_->ready() && omni_may_power_motors(outputs_->drive, powered_, driver_->failures());
     wires.enable.set(powered_);
 }
 
@@ -359,7 +359,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.tick_jitter_us_max = sensors.jitter_us;
     out.fix_us = robot_.estimator.pose_ekf.last_fix_us;
     out.noise_factor = robot_.estimator.pose_ekf.noise_factor;
-    out.fix_factor = robot_.estimator.pose_ekf.fix_factor;
+    out.fix_factor = robot_.estimator.pose_ekf.fix_noise_factor;
     out.fix_restarts = robot_.estimator.pose_ekf.restarts;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);

@@ -97,7 +97,7 @@ typedef struct hil_fix_t {
     uint64_t taken_us; /**< when the sensor saw it */
     uint64_t arrives_us;
     hil_real_t pose[3]; /**< x, y, theta wrapped to -pi..pi */
-    hil_flag_t lost;    /**< it never arrives: a place in the queue only */
+    hil_flag_t dropped;   /**< it never arrives: a place in the queue only */
 } hil_fix_t;
 
 /** What the robot's electronics see of the world at one tick. Its readings come from [sensors] of shared/world.toml. */
@@ -158,7 +158,7 @@ typedef struct hil_plant_t {
 typedef struct hil_flow_t {
     uint64_t arrives_us;
     hil_real_t moved[3]; /**< x, y [m], turn [rad] */
-    hil_flag_t lost;     /**< marked as not valid */
+    hil_flag_t dropped;    /**< marked as not valid */
 } hil_flow_t;
 
 typedef struct hil_world_t {

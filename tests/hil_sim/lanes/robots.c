@@ -120,10 +120,10 @@ static bool fill_lanes(void) {
         configs[lane] = &bench.configs[lane];
     }
     for (int i = 0; i < 2; ++i) {
-        plans = bench.robots[0].guide.trajectory == &bench.plans[i][0] ? &bench.following[i] : plans;
+        plans = bench.robots[0].reference_generator.trajectory == &bench.plans[i][0] ? &bench.following[i] : plans;
     }
     for (int lane = 0; lane < HIL_LANES; ++lane) {
-        same = same && bench.robots[lane].guide.trajectory == (plans != NULL ? plans->plan[lane] : NULL);
+        same = same && bench.robots[lane].reference_generator.trajectory == (plans != NULL ? plans->plan[lane] : NULL);
     }
     same = same && hil_lanes_pack(&bench.core->robot, robots, bench.lanes_robot) &&
            hil_lanes_pack(&bench.core->config, configs, bench.lanes_config);
@@ -168,7 +168,7 @@ static void compare(void) {
     hil_lanes_unpack(&bench.core->robot, bench.lanes_robot, robots);
     hil_lanes_unpack(&bench.core->outputs, bench.lanes_outputs, outputs);
     for (int lane = 0; lane < HIL_LANES; ++lane) {
-        bench.robots_again[lane].guide.trajectory = plans != NULL ? plans->plan[lane] : NULL;
+        bench.robots_again[lane].reference_generator.trajectory = plans != NULL ? plans->plan[lane] : NULL;
         bench.tally.wrong +=
             differences("robot", lane, &bench.robots[lane], &bench.robots_again[lane], sizeof(omni_robot_t));
         bench.tally.wrong +=

@@ -70,7 +70,7 @@ class Eight:
         if member == "inputs":
             copy.trajectory = ffi.NULL
         if member == "robot":
-            copy.guide.trajectory = ffi.NULL
+            copy.reference_generator.trajectory = ffi.NULL
             copy.config = ffi.NULL
         return bytes(ffi.buffer(copy))
 

@@ -184,7 +184,7 @@ void Bench::read_flow(omni::TickSensors &sensors) {
     sensors.flow_moved[0] = cosine * dx + sine * dy + 1e-4f * random_normal(&random_);
     sensors.flow_moved[1] = cosine * dy - sine * dx + 1e-4f * random_normal(&random_);
     sensors.flow_moved[2] = turned;
-    sensors.flow_valid = OMNI_FLOW_XY | OMNI_FLOW_TURN | OMNI_FLOW_READ;
+    sensors.flow_valid = OMNI_FLOW_XY | OMNI_FLOW_TURN | OMNI_FLOW_RECEIVED;
     read_ = now;
 }
 
