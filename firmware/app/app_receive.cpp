@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 /// What comes over the links: bytes, frames and the original robot's lines.
 #include "app/app.h"
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/base/text.h"
 
 namespace omni {
@@ -17,26 +17,26 @@ void App::greet(size_t link) {
     trajectories_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
-    tell_newcomer(link);
+    report_status_to_new_peer(link);
 }
 
-void App::tell_newcomer(size_t link) {
+void App::report_status_to_new_peer(size_t link) {
     greeted_us_[link] = clock_.now_us;
-    say_restart(link);
-    say_latch(link);
+    report_reset_cause(link);
+    report_stop_latch(link);
     status_texts_.greet(link);
 }
 
 /// A radio is always connected. So what was said before somebody switched the other one on was said to nobody.
-OMNI_COLD void App::meet(size_t link) {
+OMNI_COLD void App::on_peer_reappeared(size_t link) {
     const uint64_t now_us = clock_.now_us;
     const uint64_t heard_us = heartbeats_.stations.heard_us(link);
     const auto is_past = [now_us](uint64_t since_us, uint64_t us) {
         return now_us > since_us && now_us - since_us > us;
     };
     if ((heard_us == 0 || is_past(heard_us, Stations::away_us)) && is_past(greeted_us_[link], greeting_us)) {
-        restart_said_[link] = false;
-        tell_newcomer(link);
+        reset_cause_reported_[link] = false;
+        report_status_to_new_peer(link);
     }
 }
 
@@ -51,7 +51,7 @@ void App::receive(size_t link) {
     }
 }
 
-void App::take_frames(size_t link) {
+void App::process_frames(size_t link) {
     Link &channel = links_[link];
     if (handing_over()) {
         return;
@@ -71,22 +71,22 @@ void App::take_frames(size_t link) {
         // still be heard.
         const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
         if (for_us && for_component && !by_us && channel.admits(frame)) {
-            texts_.set_asker(link);
+            texts_.set_requester(link);
             dispatch(frame, {link, frame.system, frame.component});
-            texts_.set_asker(Texts::nobody);
+            texts_.set_requester(no_link);
             if (robot_.hil() && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
                 serve(); // what is sent must depend on the frames, not on how often background() is called
             }
         }
     }
-    take_legacy_line(link);
+    process_legacy_line(link);
 }
 
 /// Refusals go to all links: who sends lines reads no MAVLink. The original robot's host sends nothing but lines: each
 /// is a sign of life too. None arms.
-OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
-    const bool counts = heartbeats_.stations.may_stream(sender, clock_.now_us);
-    heartbeats_.heard(sender);
+OMNI_COLD void App::apply_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
+    const bool counts = heartbeats_.stations.accepts_setpoints(sender, clock_.now_us);
+    heartbeats_.record(sender);
     if (!counts) {
         setpoints_.refuse_ended();
         return;
@@ -97,10 +97,10 @@ OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const S
     }
 }
 
-void App::take_legacy_line(size_t link) {
+void App::process_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && legacy_line_.take(&setpoint)) {
-        take_legacy_setpoint(setpoint, Sender{link}); // a line names no sender
+        apply_legacy_setpoint(setpoint, Sender{link}); // a line names no sender
     }
 }
 
@@ -114,11 +114,11 @@ void App::receive_all() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         if (i != world) {
             receive(i);
-            take_frames(i);
+            process_frames(i);
         }
     }
     if (world != no_link) {
-        take_frames(world);
+        process_frames(world);
     }
 }
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/link/command_memory.h"
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 

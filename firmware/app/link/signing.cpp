@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
@@ -67,7 +67,7 @@ OMNI_COLD void Signing::boot() {
     uint64_t time = 0;
     if (time_store_.load(reinterpret_cast<uint8_t *>(&time)) == RecordStore::Result::ok) {
         stored_time_ = time;
-        set_on(std::min(time, latest_time));
+        set_on(std::min(time, max_time));
     }
 }
 
@@ -113,7 +113,7 @@ void Signing::set_time(uint64_t time) {
     if (time == 0) {
         return;
     }
-    time_ = std::min(time, latest_time);
+    time_ = std::min(time, max_time);
     replaced_ = std::min(replaced_, time_);
     last_sent_ = time_; // what was signed ahead of it could not be followed by a station that is right
     for (Stream &stream : streams_) {
@@ -187,7 +187,7 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     if (state_ == State::damaged || !are_equal(expected, signature + at_digest, digest_length)) {
         return Verdict::wrong;
     }
-    if (time_ != 0 && time_of(signature) > time_ + most_ahead) {
+    if (time_ != 0 && time_of(signature) > time_ + max_clock_lead) {
         return Verdict::ahead;
     }
     Stream *stream = stream_of(frame);
@@ -200,7 +200,7 @@ Signing::Verdict Signing::judge(const Frame &frame) {
             replaced_ = std::max(replaced_, stream->last); // none of its recordings begins a stream
         }
         *stream = {true, frame.system, frame.component, signature[0], time};
-        set_on(std::min(time + 1, latest_time)); // a peer that takes its clock from ours has this time already
+        set_on(std::min(time + 1, max_time)); // a peer that takes its clock from ours has this time already
     }
     return Verdict::taken;
 }
@@ -227,7 +227,7 @@ size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
 }
 
 void Signing::advance(uint64_t now_us) {
-    rest_us_ += now_us > advanced_us_ ? std::min(now_us - advanced_us_, longest_step_us) : 0;
+    rest_us_ += now_us > advanced_us_ ? std::min(now_us - advanced_us_, max_clock_step_us) : 0;
     advanced_us_ = now_us;
     time_ = std::min(time_ + rest_us_ / us_per_unit, time_stamp_limit);
     rest_us_ %= us_per_unit;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/arming.h"
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
@@ -25,7 +25,7 @@ uint8_t Arming::command(float wanted, const Sender &sender) {
 }
 
 /// Who arms a robot without the pin should know what that means. Once is enough.
-void Arming::warn_of_missing_pin() {
+void Arming::warn_missing_output_enable() {
     if (!pin_said_ && !robot_.hil() && !conditions_.output_enable.wired()) {
         pin_said_ = true;
         texts_.say(MAV_SEVERITY_NOTICE, Text().add("no output-enable pin: a dead bus cannot be stopped"));
@@ -50,7 +50,7 @@ uint8_t Arming::arm(const Sender &sender) {
         heartbeats_.commanded(sender);
         return MAV_RESULT_ACCEPTED;
     }
-    if (robot_.misfit() != nullptr) {
+    if (robot_.unusable_value() != nullptr) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: own values do not fit"));
         return MAV_RESULT_DENIED;
     }
@@ -88,8 +88,8 @@ uint8_t Arming::arm(const Sender &sender) {
     if (!control_.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
-    robot_.expect_arming();
-    warn_of_missing_pin();
+    robot_.set_arming_pending();
+    warn_missing_output_enable();
     trajectories_.on_arm(sender);
     return MAV_RESULT_ACCEPTED;
 }
@@ -98,9 +98,9 @@ uint8_t Arming::stop(uint32_t event, const Sender &sender) {
     trajectories_.on_disarm();
     control_.plans.withdraw();
     control_.stop(event);
-    robot_.expect_stop();
-    heartbeats_.tell_who("stopped", sender);
-    heartbeats_.stations.end_drives_but(sender);
+    robot_.set_stop_pending();
+    heartbeats_.notify_displaced_station("stopped", sender);
+    heartbeats_.stations.end_other_drives(sender);
     return MAV_RESULT_ACCEPTED;
 }
 
@@ -131,7 +131,7 @@ uint8_t Arming::release() {
     if (!control_.request_event(OMNI_EVENT_ESTOP_CLEAR)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
-    robot_.expect_release();
+    robot_.set_release_pending();
     return MAV_RESULT_ACCEPTED;
 }
 

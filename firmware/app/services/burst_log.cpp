@@ -4,8 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/base/cold.h"
-#include "app/base/whole.h"
+#include "app/base/flash_code.h"
+#include "app/base/integer_check.h"
 
 namespace omni {
 namespace {
@@ -26,8 +26,8 @@ OMNI_COLD uint8_t BurstLog::refuse(const Text &why) {
 /// @return false if a number is none of those that docs/reference/burst.md allows.
 OMNI_COLD bool BurstLog::plan(float duration_s, float every, float signals, float wheels, BurstPlan &plan) const {
     const auto all_wheels = static_cast<float>((1u << parameters_.config().kinematics.wheels) - 1u);
-    if (!(duration_s > 0.0f && duration_s <= longest_s) || !is_whole(every, 1.0f, most_every) ||
-        !is_whole(signals, 0.0f, burst_all_signals) || !is_whole(wheels, 0.0f, all_wheels)) {
+    if (!(duration_s > 0.0f && duration_s <= longest_s) || !is_integer_within(every, 1.0f, most_every) ||
+        !is_integer_within(signals, 0.0f, burst_all_signals) || !is_integer_within(wheels, 0.0f, all_wheels)) {
         return false;
     }
     const float tick_s = 1e-6f * static_cast<float>(OMNI_TICK_US);

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
 #include "app/base/crc32.h"
+#include "app/base/flash_code.h"
 #include "app/link/stops.h"
 #include "app/services/reports.h"
 
@@ -94,7 +94,7 @@ OMNI_COLD Commands::Effect Commands::effect_of(const Command &command) {
     }
 }
 
-OMNI_COLD uint8_t Commands::result_of(const Command &command) {
+OMNI_COLD uint8_t Commands::execute_or_deny(const Command &command) {
     const Effect effect = effect_of(command);
     if (effect == Effect::ends) {
         memory_.stopped(command.sender, clock_.now_us);
@@ -122,7 +122,7 @@ OMNI_COLD uint8_t Commands::result_of(const Command &command) {
 void Commands::handle(const Command &command) {
     mavlink_command_ack_t ack{};
     ack.command = command.id;
-    ack.result = result_of(command);
+    ack.result = execute_or_deny(command);
     ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;
@@ -130,7 +130,7 @@ void Commands::handle(const Command &command) {
 }
 
 /// @param holds the pose, or ends an excitation: no drive begins.
-void Commands::note_motion(bool holds, const Sender &sender) {
+void Commands::record_motion(bool holds, const Sender &sender) {
     if (holds) {
         services_.heartbeats.held(sender);
     } else {
@@ -154,7 +154,7 @@ uint8_t Commands::run_motion(const Command &command) {
         result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]});
     }
     if (result == MAV_RESULT_ACCEPTED) {
-        note_motion(holds, command.sender);
+        record_motion(holds, command.sender);
     }
     return result;
 }
@@ -183,11 +183,11 @@ OMNI_COLD uint8_t Commands::run(const Command &command) {
     case cmd_capabilities:
         return request_message(command.sender.link, MAVLINK_MSG_ID_AUTOPILOT_VERSION);
     default:
-        return run_own(command);
+        return run_omni_command(command);
     }
 }
 
-OMNI_COLD uint8_t Commands::run_own(const Command &command) {
+OMNI_COLD uint8_t Commands::run_omni_command(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case MAV_CMD_OMNI_HIL:
@@ -230,7 +230,7 @@ OMNI_COLD uint8_t Commands::storage(float action) {
 OMNI_COLD uint8_t Commands::set_mode(ModeRequest mode, const Sender &sender) {
     if (mode == ModeRequest::hold) {
         const uint8_t result = services_.trajectories.stop();
-        note_motion(true, sender);
+        record_motion(true, sender);
         return result;
     }
     if (mode == ModeRequest::follow_setpoints) {
@@ -248,13 +248,13 @@ OMNI_COLD uint8_t Commands::follow_setpoints(const Sender &sender) {
         return MAV_RESULT_DENIED;
     }
     const float timeout_s = services_.parameters.config().limits.command_timeout_s;
-    const bool streams = services_.heartbeats.streams(sender, static_cast<uint64_t>(timeout_s * 1e6f));
-    if (!streams || services_.setpoints.refused()) {
+    const bool is_streaming = services_.heartbeats.is_streaming(sender, static_cast<uint64_t>(timeout_s * 1e6f));
+    if (!is_streaming || services_.setpoints.refused()) {
         texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode refused: send valid set-points first"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (robot_.armed()) {
-        note_motion(false, sender);
+        record_motion(false, sender);
     }
     return MAV_RESULT_ACCEPTED;
 }
@@ -281,7 +281,7 @@ OMNI_COLD uint8_t Commands::reboot(float what) {
     if (robot_.armed()) {
         return robot_.refuse_armed("reboot refused");
     }
-    robot_.ask_reboot();
+    robot_.request_reboot();
     return MAV_RESULT_ACCEPTED;
 }
 
@@ -307,7 +307,7 @@ OMNI_COLD uint8_t Commands::test_pin(float duration_s, float release) {
     PinTest test;
     test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
     test.release = release == 1.0f;
-    control_.test_pin(test);
+    control_.request_pin_test(test);
     return MAV_RESULT_ACCEPTED;
 }
 

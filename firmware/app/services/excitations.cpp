@@ -3,9 +3,9 @@
 
 #include <cmath>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
-#include "app/base/whole.h"
+#include "app/base/flash_code.h"
+#include "app/base/integer_check.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
@@ -29,7 +29,8 @@ OMNI_COLD omni_excitation_t plan_of(const Excitations::Wanted &wanted) {
     plan.ticks = static_cast<uint32_t>(std::lround(wanted.duration_s / tick_s));
     plan.amplitude = wanted.amplitude;
     plan.step_rad = 2.0f * OMNI_PI_F * tick_s * wanted.from_hz;
-    plan.phase_acceleration_rad = 2.0f * OMNI_PI_F * tick_s * (wanted.to_hz - wanted.from_hz) / static_cast<float>(plan.ticks);
+    plan.phase_acceleration_rad =
+        2.0f * OMNI_PI_F * tick_s * (wanted.to_hz - wanted.from_hz) / static_cast<float>(plan.ticks);
     return plan;
 }
 
@@ -42,12 +43,12 @@ OMNI_COLD uint8_t Excitations::refuse(const char *why) {
 
 /// @return nullptr, or what is wrong. A NaN is in no range.
 OMNI_COLD const char *Excitations::check_numbers(const Wanted &wanted) const {
-    if (!is_whole(wanted.place, 1.0f, OMNI_EXCITATION_COUNT - 1)) {
+    if (!is_integer_within(wanted.place, 1.0f, OMNI_EXCITATION_COUNT - 1)) {
         return "no such place";
     }
     const auto wheels = static_cast<float>(parameters_.config().kinematics.wheels);
     const bool pose = wanted.place == static_cast<float>(OMNI_EXCITATION_POSE);
-    if (!is_whole(wanted.index, 0.0f, pose ? static_cast<float>(OMNI_AXES - 1) : wheels)) {
+    if (!is_integer_within(wanted.index, 0.0f, pose ? static_cast<float>(OMNI_AXES - 1) : wheels)) {
         return "no such wheel or axis";
     }
     if (!(wanted.duration_s >= tick_s && wanted.duration_s <= max_s)) {

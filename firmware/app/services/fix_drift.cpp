@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/fix_drift.h"
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <cstring>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
@@ -70,7 +70,7 @@ void ParameterTrial::serve() {
         return;
     }
     on_ = over_ = false;
-    if (parameters_.take_back(before_)) {
+    if (parameters_.restore(before_)) {
         texts_.say(MAV_SEVERITY_NOTICE, Text().add("trial ended: parameters are as before"));
     }
 }

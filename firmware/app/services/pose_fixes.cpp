@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 #include "app/link/frames.h"
 
 namespace omni {
@@ -72,7 +72,7 @@ void PoseFixes::wait(const omni_pose_fix_t &fix) {
     if (count_ == most_waiting) {
         first_ = (first_ + 1) % most_waiting;
         --count_;
-        complain("too many at once");
+        warn("too many at once");
     }
     waiting_[(first_ + count_) % most_waiting] = fix;
     ++count_;
@@ -85,8 +85,8 @@ void PoseFixes::serve() {
     }
 }
 
-void PoseFixes::complain(const char *why) {
-    texts_.refuse_streamed(said_us_, Text().add("pose fix refused: ").add(why));
+void PoseFixes::warn(const char *why) {
+    texts_.refuse_rate_limited(said_us_, Text().add("pose fix refused: ").add(why));
 }
 
 /// How far the wheels have gone meanwhile, slip or not, is what the sensor cannot have missed.
@@ -104,7 +104,7 @@ bool PoseFixes::frozen(const omni_pose_t &world) {
 /// A tracker that has lost its object sends zeros. A measurement is exactly zero in all three only if it has no noise,
 /// as in a simulation: it is then near the estimate and can be used. Far from it the zeros would become the pose, after
 /// some outliers, and a robot that holds would drive off.
-OMNI_COLD bool PoseFixes::zeros_of_lost(const omni_pose_t &world) const {
+OMNI_COLD bool PoseFixes::is_lost_tracker_zero(const omni_pose_t &world) const {
     const omni_pose_t &at = robot_.latest().outputs.pose;
     const bool zeros = world.x == 0.0f && world.y == 0.0f && world.theta == 0.0f;
     return zeros && !(omni_absf(at.x) <= most_zero_offset && omni_absf(at.y) <= most_zero_offset &&
@@ -121,19 +121,19 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float 
 /// @param sd_xy, sd_theta standard deviations [m, rad]; 0: not known.
 void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta) {
     if (!omni_pose_is_finite(&world)) {
-        complain("not finite");
+        warn("not finite");
         return;
     }
     if (sd_xy > most_sd_xy) {
-        complain("it may be off by metres");
+        warn("it may be off by metres");
         return;
     }
-    if (zeros_of_lost(world)) {
-        complain("zeros: is the tracker lost?");
+    if (is_lost_tracker_zero(world)) {
+        warn("zeros: is the tracker lost?");
         return;
     }
     if (frozen(world)) {
-        complain("it repeats itself");
+        warn("it repeats itself");
         return;
     }
     drift_.compare(world, robot_.armed());
@@ -155,7 +155,7 @@ void PoseFixes::on_mocap(const Frame &frame) {
     const auto message = frame.as<mavlink_att_pos_mocap_t>();
     const auto &q = message.q; // w, x, y, z
     if (!is_rotation(q)) {
-        complain("its quaternion is no rotation");
+        warn("its quaternion is no rotation");
         return;
     }
     const float yaw = omni_atan2f(2.0f * (q[0] * q[3] + q[1] * q[2]), 1.0f - 2.0f * (q[2] * q[2] + q[3] * q[3]));
@@ -168,7 +168,7 @@ void PoseFixes::on_compact(const Frame &frame) {
                               static_cast<float>(message.theta_mrad10) * 1e-4f};
     const uint64_t taken_us = message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0;
     if (taken_us != 0 && taken_us + oldest_us < clock_.now_us) {
-        complain("older than 0.25 s"); // its clock is the robot's: it was taken then, and for no later pose
+        warn("older than 0.25 s"); // its clock is the robot's: it was taken then, and for no later pose
         return;
     }
     accept(pose, taken_us, static_cast<float>(message.sd_xy_mm10) * 1e-4f,

@@ -31,20 +31,20 @@ void RobotState::take(const TickReport &report) {
     }
 }
 
-void RobotState::show_refused_setpoint(bool refused) {
+void RobotState::set_setpoint_refused(bool refused) {
     latest_.outputs.faults &= ~static_cast<uint32_t>(OMNI_WARN_SETPOINT);
     latest_.outputs.faults |= refused ? static_cast<uint32_t>(OMNI_WARN_SETPOINT) : 0u;
 }
 
-void RobotState::expect_arming() {
+void RobotState::set_arming_pending() {
     arming_ = reports_until_known;
 }
 
-void RobotState::expect_release() {
+void RobotState::set_release_pending() {
     releasing_ = reports_until_known;
 }
 
-void RobotState::expect_stop() {
+void RobotState::set_stop_pending() {
     arming_ = 0;
     releasing_ = 0;
     stopping_ = reports_until_known;

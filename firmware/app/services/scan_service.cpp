@@ -40,7 +40,7 @@ void ScanService::serve() {
 void ScanService::restart() {
     if (running_) {
         running_ = false;
-        texts_.say_on(sender_.link, MAV_SEVERITY_WARNING, Text().add("I2C scan cancelled: host-in-the-loop switched"));
+        texts_.send_to(sender_.link, MAV_SEVERITY_WARNING, Text().add("I2C scan cancelled: host-in-the-loop switched"));
     }
 }
 

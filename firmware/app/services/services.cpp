@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/services.h"
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 #include "app/link/frames.h"
 
 namespace omni {
@@ -47,7 +47,7 @@ uint8_t Setpoints::streamed_kind() const {
 
 OMNI_COLD void Setpoints::refuse(const char *why) {
     refused_ = true;
-    texts_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
+    texts_.refuse_rate_limited(said_us_, Text().add("set-point refused: ").add(why));
 }
 
 bool Setpoints::is_setpoint(const Frame &frame) {
@@ -57,7 +57,7 @@ bool Setpoints::is_setpoint(const Frame &frame) {
 
 OMNI_COLD void Setpoints::refuse_ended() {
     if (robot_.armed()) {
-        texts_.refuse_streamed(said_us_, Text().add("set-point refused: its drive has ended"));
+        texts_.refuse_rate_limited(said_us_, Text().add("set-point refused: its drive has ended"));
     }
 }
 

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
@@ -94,21 +94,21 @@ void StatusTexts::restart() {
     limited_said_us_ = 0;
     read_back_said_ = false;
     for (size_t link = 0; link < links_.count(); ++link) {
-        forget_sensors(link);
+        reset_sensor_reports(link);
     }
 }
 
 void StatusTexts::greet(size_t link) {
     button_said_[link] = false;
-    forget_sensors(link);
+    reset_sensor_reports(link);
 }
 
-void StatusTexts::forget_sensors(size_t link) {
+void StatusTexts::reset_sensor_reports(size_t link) {
     gyro_said_[link] = GyroCause::none;
     flow_said_[link] = FlowCause::none;
 }
 
-void StatusTexts::say_state(uint8_t state) {
+void StatusTexts::report_state(uint8_t state) {
     const bool alarm = state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_ESTOP;
     const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
     texts_.say(alarm ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_INFO, Text().add(name));
@@ -116,7 +116,7 @@ void StatusTexts::say_state(uint8_t state) {
 
 /// A ground station that leaves while it has the command stops the robot (link loss); another one's leaving is worth a
 /// word.
-void StatusTexts::say_links() {
+void StatusTexts::report_link_changes() {
     if (!robot_.armed()) {
         return;
     }
@@ -139,18 +139,18 @@ void StatusTexts::say_links() {
 }
 
 /// Once on each link, from the press to the release of the stop.
-void StatusTexts::say_button() {
+void StatusTexts::report_button() {
     const bool pressed = button_.pressed();
     for (size_t link = 0; link < links_.count(); ++link) {
         if (pressed && !button_said_[link] && links_[link].connected()) {
-            texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
+            texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
         }
         button_said_[link] = pressed && links_[link].connected();
     }
 }
 
 /// Once when it begins: armed or not, the motors stay off from then on.
-void StatusTexts::say_read_back() {
+void StatusTexts::report_read_back() {
     const bool missing = robot_.latest().read_back_missing;
     if (missing && !read_back_said_) {
         texts_.say(MAV_SEVERITY_CRITICAL, Text().add("PWM chip: MODE1 does not read back as 0x20"));
@@ -159,29 +159,29 @@ void StatusTexts::say_read_back() {
 }
 
 /// Of the board's own chip: a host in the loop has another one. Once on each link: who comes later hears it, too.
-OMNI_COLD void StatusTexts::say_gyro() {
+OMNI_COLD void StatusTexts::report_gyro() {
     const GyroTrouble trouble = gyro_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {
-        if (is_news(link, gyro_said_[link], trouble.cause)) {
+        if (is_new_cause(link, gyro_said_[link], trouble.cause)) {
             const bool over = trouble.cause == GyroCause::none;
-            texts_.say_on(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
+            texts_.send_to(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
         }
     }
 }
 
 /// The same.
-OMNI_COLD void StatusTexts::say_flow() {
+OMNI_COLD void StatusTexts::report_flow() {
     const FlowTrouble trouble = flow_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {
-        if (is_news(link, flow_said_[link], trouble.cause)) {
+        if (is_new_cause(link, flow_said_[link], trouble.cause)) {
             const bool over = trouble.cause == FlowCause::none;
-            texts_.say_on(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
+            texts_.send_to(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
         }
     }
 }
 
 /// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
-OMNI_COLD void StatusTexts::say_cause() {
+OMNI_COLD void StatusTexts::report_stop_cause() {
     const omni_stop_t &stop = robot_.latest().outputs.stop;
     const uint32_t faults = robot_.latest().outputs.fault_history;
     const omni_limits_t &limits = parameters_.config().limits;
@@ -237,15 +237,15 @@ OMNI_COLD void StatusTexts::say_cause() {
     }
 }
 
-void StatusTexts::say_failsafe() {
+void StatusTexts::report_failsafe() {
     texts_.say(MAV_SEVERITY_CRITICAL, fault_text("failsafe: ", robot_.latest().outputs.fault_history));
     if (state_ != OMNI_STATE_FAILSAFE) {
-        say_cause();
+        report_stop_cause();
     }
 }
 
 /// A velocity that is not followed as asked, again and again for as long as that lasts.
-OMNI_COLD void StatusTexts::say_slowed() {
+OMNI_COLD void StatusTexts::report_slowdown() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = slowed_said_us_ != 0 && clock_.now_us - slowed_said_us_ < slowed_interval_us;
     if (!is_velocity(out.setpoint_kind) || out.velocity_limits == 0 || quiet) {
@@ -266,7 +266,7 @@ OMNI_COLD void StatusTexts::say_slowed() {
 }
 
 /// Motors that push less than the control wants, again and again for as long as that lasts.
-void StatusTexts::say_limited() {
+void StatusTexts::report_current_limit() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = limited_said_us_ != 0 && clock_.now_us - limited_said_us_ < slowed_interval_us;
     if (!(out.current_reduction > 0.0f) || quiet) {
@@ -282,26 +282,26 @@ void StatusTexts::say_limited() {
 }
 
 void StatusTexts::serve() {
-    say_links();
-    say_button();
-    say_read_back();
+    report_link_changes();
+    report_button();
+    report_read_back();
     if (gyro_chip_ != nullptr && !robot_.hil()) {
-        say_gyro();
+        report_gyro();
     }
     if (flow_chip_ != nullptr && !robot_.hil()) {
-        say_flow();
+        report_flow();
     }
     const omni_outputs_t &out = robot_.latest().outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
-        say_failsafe();
+        report_failsafe();
     } else if (out.state != state_) {
-        say_state(out.state);
+        report_state(out.state);
     }
     if (out.reference.phase == OMNI_PHASE_DONE && phase_ != OMNI_PHASE_DONE) {
         texts_.say(MAV_SEVERITY_INFO, Text().add("trajectory done"));
     }
-    say_slowed();
-    say_limited();
+    report_slowdown();
+    report_current_limit();
     state_ = out.state;
     phase_ = static_cast<uint8_t>(out.reference.phase);
     history_ = out.fault_history;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {

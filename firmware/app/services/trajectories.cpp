@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/trajectories.h"
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 
@@ -38,7 +38,7 @@ OMNI_COLD uint8_t Trajectories::plan(const Sender &sender) {
         config.period_s = period_s_;
     }
     const bool listed = omni_trajectory_needs_waypoints(config.type);
-    if (listed && waypoints_.count > 0 && !(lister_ == sender)) {
+    if (listed && waypoints_.count > 0 && !(waypoint_sender_ == sender)) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: another station's waypoints"));
         return MAV_RESULT_DENIED;
     }
@@ -60,12 +60,12 @@ OMNI_COLD uint8_t Trajectories::plan(const Sender &sender) {
         texts_.refuse(MAV_SEVERITY_WARNING,
                       Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
     }
-    say_slowed(path);
+    report_slowdown(path);
     return MAV_RESULT_ACCEPTED;
 }
 
 /// Whoever asked for the path learns that it takes longer, and which limit that comes from.
-void Trajectories::say_slowed(const omni_trajectory_t &path) {
+void Trajectories::report_slowdown(const omni_trajectory_t &path) {
     if (path.scale <= 1.001f) {
         return;
     }
@@ -101,8 +101,8 @@ OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, co
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
     }
-    asker_ = sender;
-    asked_us_ = clock_.now_us;
+    requester_ = sender;
+    requested_us_ = clock_.now_us;
     waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
     if (!waiting_) {
         control_.plans.publish();
@@ -133,8 +133,8 @@ OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &po
     }
     if (number == 0.0f) {
         waypoints_.count = 0;
-        lister_ = sender;
-    } else if (waypoints_.count > 0 && !(lister_ == sender)) {
+        waypoint_sender_ = sender;
+    } else if (waypoints_.count > 0 && !(waypoint_sender_ == sender)) {
         return refuse_waypoint("another's list, begin with 0");
     } else if (number == expected - 1.0f) {
         waypoints_.count--; // sent again, since its acknowledgement got lost on a radio
@@ -146,20 +146,20 @@ OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &po
 }
 
 OMNI_COLD void Trajectories::forget(size_t link) {
-    waiting_ = waiting_ && asker_.link != link;
-    waypoints_.count = static_cast<uint8_t>(lister_.link == link ? 0 : waypoints_.count);
+    waiting_ = waiting_ && requester_.link != link;
+    waypoints_.count = static_cast<uint8_t>(waypoint_sender_.link == link ? 0 : waypoints_.count);
 }
 
-OMNI_COLD void Trajectories::watch_asker() {
-    const bool silent = !heartbeats_.stations.present(asker_, asked_us_, clock_.now_us);
+OMNI_COLD void Trajectories::watch_requester() {
+    const bool silent = !heartbeats_.stations.present(requester_, requested_us_, clock_.now_us);
     if (silent) {
-        texts_.say_on(asker_.link, MAV_SEVERITY_NOTICE, Text().add("path not started: its station was silent"));
+        texts_.send_to(requester_.link, MAV_SEVERITY_NOTICE, Text().add("path not started: its station was silent"));
     }
     waiting_ = !silent && !stopped();
 }
 
 void Trajectories::on_arm(const Sender &sender) {
-    const bool own = asker_ == sender;
+    const bool own = requester_ == sender;
     if (waiting_ && !own) {
         texts_.say(MAV_SEVERITY_WARNING, Text().add("path not started: another station armed"));
     }

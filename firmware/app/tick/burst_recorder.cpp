@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <cstring>
 
-#include "app/base/cold.h"
 #include "app/base/crc32.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {

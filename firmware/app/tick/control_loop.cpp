@@ -14,43 +14,43 @@ constexpr float most_volt_us = 1e9f;
 } // namespace
 
 void ControlLoop::hold() {
-    void_before_.store(++order_, std::memory_order_relaxed);
+    setpoints_void_before_.store(++order_, std::memory_order_relaxed);
     stop(OMNI_EVENT_TRAJECTORY_STOP);
 }
 
-void ControlLoop::test_pin(const PinTest &test) {
+void ControlLoop::request_pin_test(const PinTest &test) {
     pin_test_wanted_.store(test.ticks * 2 + (test.release ? 1 : 0), std::memory_order_relaxed);
-    tell(news_pin_test);
+    set_pending(pending_pin_test);
 }
 
 void ControlLoop::set_setpoint(const omni_setpoint_t &setpoint) {
     setpoints_.writing() = {setpoint, order_};
     setpoints_.publish();
-    tell(news_setpoint);
+    set_pending(pending_setpoint);
 }
 
 void ControlLoop::set_heartbeat(uint64_t time_us) {
     heartbeats_.writing() = time_us;
     heartbeats_.publish();
-    tell(news_heartbeat);
+    set_pending(pending_heartbeat);
 }
 
 void ControlLoop::excite(const omni_excitation_t &excitation) {
     excitations_.writing() = excitation;
     excitations_.publish();
-    tell(news_excitation);
+    set_pending(pending_excitation);
 }
 
 bool ControlLoop::request(Request request) {
     request.order = ++order_;
     const bool done = requests_.push(request);
-    tell(news_request);
+    set_pending(pending_request);
     return done;
 }
 
 bool ControlLoop::offer_fix(const omni_pose_fix_t &fix) {
     const bool done = fixes_.push(fix);
-    tell(news_fix);
+    set_pending(pending_fix);
     return done;
 }
 
@@ -70,7 +70,7 @@ void ControlLoop::restart() {
         fixes_.drop();
     }
     fixes_seen_ = 0;
-    looked_at_fix_ = false;
+    had_fix_ = false;
     fix_report.writing() = {};
     fix_report.publish();
     flags_.fetch_and(OMNI_EVENT_ESTOP);
@@ -90,7 +90,7 @@ void ControlLoop::restart() {
     driver_->set_wiring(setup_->wiring);
     driver_was_ready_ = false;
     scan_.restart();
-    silencing_ = 0;
+    all_off_ticks_left_ = 0;
     pin_test_ = {};
     powered_ = false;
     ticks_ = 0;
@@ -121,30 +121,30 @@ void ControlLoop::apply(const Request &request) {
     }
 }
 
-void ControlLoop::take_requests() {
+void ControlLoop::process_requests() {
     for (const Request *request = requests_.front(); request != nullptr; request = requests_.front()) {
         apply(*request);
         requests_.drop();
     }
 }
 
-void ControlLoop::take_news(uint32_t flags) {
-    if ((flags & news_heartbeat) != 0 && heartbeats_.update()) {
+void ControlLoop::process_pending_data(uint32_t flags) {
+    if ((flags & pending_heartbeat) != 0 && heartbeats_.update()) {
         inputs_.heartbeat_us = heartbeats_.reading();
     }
-    if ((flags & news_setpoint) != 0 && setpoints_.update() &&
+    if ((flags & pending_setpoint) != 0 && setpoints_.update() &&
         static_cast<int32_t>(setpoints_.reading().order - oldest_valid_) >= 0) {
         inputs_.setpoint = setpoints_.reading().setpoint;
     }
-    if ((flags & news_pin_test) != 0) {
+    if ((flags & pending_pin_test) != 0) {
         begin_pin_test(pin_test_wanted_.load(std::memory_order_relaxed));
     }
-    if ((flags & news_excitation) != 0 && excitations_.update()) {
-        take_excitation();
+    if ((flags & pending_excitation) != 0 && excitations_.update()) {
+        start_pending_excitation();
     }
 }
 
-void ControlLoop::take_excitation() {
+void ControlLoop::start_pending_excitation() {
     const uint8_t wheels = setup_->config.kinematics.wheels;
     if (omni_excitation_start(&robot_.excitation, &excitations_.reading(), wheels) == OMNI_OK) {
         burst.trigger();
@@ -152,17 +152,17 @@ void ControlLoop::take_excitation() {
 }
 
 /// One per tick; the next one waits. In the tick after it, which looks here once more, it is told what became of it.
-void ControlLoop::take_fix() {
-    if (looked_at_fix_) {
+void ControlLoop::process_fix() {
+    if (had_fix_) {
         report_fix();
     }
     const omni_pose_fix_t *fix = fixes_.front();
     inputs_.has_fix = fix != nullptr;
-    looked_at_fix_ = inputs_.has_fix;
+    had_fix_ = inputs_.has_fix;
     if (fix != nullptr) {
         inputs_.fix = *fix;
         fixes_.drop();
-        tell(news_fix);
+        set_pending(pending_fix);
         const omni_pose_ekf_state_t &ekf = robot_.estimator.pose_ekf;
         accepted_before_ = ekf.accepted;
         refused_before_ = ekf.refused;
@@ -188,34 +188,34 @@ void ControlLoop::report_fix() {
 
 /// @param flags the stops among them are in the tick's events before anything else is looked at. A request that came
 /// before a stop is then sure to be in the same tick, where the stop wins.
-void ControlLoop::take_flags(uint32_t flags) {
-    constexpr uint32_t unordered = news_heartbeat | news_setpoint | news_pin_test | news_excitation;
-    constexpr uint32_t news = unordered | news_request | news_fix;
+void ControlLoop::process_events(uint32_t flags) {
+    constexpr uint32_t unordered = pending_heartbeat | pending_setpoint | pending_pin_test | pending_excitation;
+    constexpr uint32_t news = unordered | pending_request | pending_fix;
     inputs_.events = flags & ~news;
     if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
         omni_stop_trajectory(&inputs_);
-        oldest_valid_ = void_before_.load(std::memory_order_relaxed);
+        oldest_valid_ = setpoints_void_before_.load(std::memory_order_relaxed);
     }
-    if ((flags & news_request) != 0) {
-        take_requests();
+    if ((flags & pending_request) != 0) {
+        process_requests();
     }
     if ((flags & unordered) != 0) {
-        take_news(flags);
+        process_pending_data(flags);
     }
-    if ((flags & news_fix) != 0) {
-        take_fix();
+    if ((flags & pending_fix) != 0) {
+        process_fix();
     }
 }
 
-void ControlLoop::take_what_waits() {
+void ControlLoop::process_pending() {
     inputs_.events = 0;
     inputs_.has_fix = false;
     if (flags_.load(std::memory_order_relaxed) != 0) {
-        take_flags(flags_.exchange(0, std::memory_order_acq_rel));
+        process_events(flags_.exchange(0, std::memory_order_acq_rel));
     }
 }
 
-void ControlLoop::take_plan() {
+void ControlLoop::process_plan() {
     if (const omni_trajectory_t *plan = plans.take()) {
         omni_start_trajectory(&inputs_, plan);
         inputs_.setpoint.time_us = inputs_.time_us;
@@ -226,7 +226,7 @@ void ControlLoop::take_plan() {
 void ControlLoop::begin_scan() {
     if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
         driver_was_ready_ = false;
-        silencing_ = silence_attempts;
+        all_off_ticks_left_ = all_off_attempts;
         scan_.start();
     }
 }
@@ -266,7 +266,7 @@ void ControlLoop::prepare_pin_test() {
 
 /// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same
 /// tick.
-bool ControlLoop::test_pin(OutputEnable &pin) {
+bool ControlLoop::run_pin_test(OutputEnable &pin) {
     if (pin_test_.ticks == 0 || !outputs_->drive) {
         pin_test_.ticks = 0;
         return false;
@@ -295,10 +295,10 @@ void ControlLoop::use_wiring(MotorWires &wires) {
 void ControlLoop::scan(MotorWires &wires) {
     powered_ = false;
     wires.enable.set(false);
-    if (silencing_ > 0) {
+    if (all_off_ticks_left_ > 0) {
         // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the
         // bus.
-        silencing_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
+        all_off_ticks_left_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(all_off_ticks_left_ - 1);
         return;
     }
     scan_.step(wires.bus);
@@ -381,8 +381,8 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
         omni_robot_set_config(&robot_, &setup_->config);
         use_wiring(wires);
     }
-    take_what_waits();
-    take_plan();
+    process_pending();
+    process_plan();
     prepare_pin_test();
     sensors.to_inputs(&inputs_);
     if (!scan_.running()) {
@@ -395,7 +395,7 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
     omni_robot_tick(&robot_, &inputs_, outputs_);
     if (scan_.running()) {
         scan(wires);
-    } else if (!test_pin(wires.enable)) {
+    } else if (!run_pin_test(wires.enable)) {
         drive(wires, sensors.time_us);
     }
     ++ticks_;

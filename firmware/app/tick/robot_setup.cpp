@@ -48,7 +48,7 @@ omni_result_t make_robot_setup(RobotSetup &setup, const omni_real_t *values, int
     return *bad_index < 0 ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
-void fallback_values(omni_real_t *values) {
+void fallback_parameters(omni_real_t *values) {
     omni_params_defaults(values);
     const auto wheels = static_cast<size_t>(values[OMNI_PARAM_WHEELS]);
     for (size_t i = 0; i < wheels; ++i) {

@@ -40,7 +40,7 @@ constexpr int idle_ms = 250;
 /// Waits in lockstep after which new clients and what waits to be sent are looked after, however fast the host is.
 constexpr uint32_t waits_per_service = 64;
 
-alignas(8) uint8_t burst_memory[usual_burst_bytes];
+alignas(8) uint8_t burst_memory[default_burst_bytes];
 
 class Process {
 public:
@@ -256,7 +256,7 @@ int Process::run() {
     while (stop_wanted == 0) {
         if (options_.lockstep) {
             await_host(idle_ms);
-        } else if (app_->hosted()) {
+        } else if (app_->uses_host_sensors()) {
             await_host(1);
             run_due_ticks();
         } else {

@@ -24,7 +24,7 @@ namespace {
 constexpr uint32_t warm_up_ticks = 400; ///< the power-up of the PWM chip, arming, the first fixes
 constexpr uint32_t measured_ticks = 640;
 
-alignas(8) uint8_t burst_memory[omni::usual_burst_bytes];
+alignas(8) uint8_t burst_memory[omni::default_burst_bytes];
 
 struct Figure {
     uint64_t sum = 0;
