@@ -12,11 +12,11 @@ namespace {
 
 constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
-/// A host in the loop that sends no sensors for this long has gone. A stop waits a second for it: the robot's own
-/// motors are off meanwhile, and a busy computer may be late by some tenths.
+/// Timeout of sensor messages in hardware-in-the-loop. The robot's own motors are off, and a busy computer may be late
+/// by some tenths of a second.
 constexpr uint64_t hil_stop_patience_us = 1'000'000;
 constexpr uint64_t hil_patience_us = 10'000'000;
-/// A bus that stays busy this long is not waited for.
+/// Maximum wait for a busy bus.
 constexpr uint32_t release_limit = 50;
 
 } // namespace
@@ -58,7 +58,7 @@ void App::attach_links() {
     links_.set_unlimited(lockstep_);
     for (size_t i = 0; i < links_.count() && line_link_ == no_link; ++i) {
         if (links_[i].is_radio()) {
-            line_link_ = i; // of the first radio only: two streams of lines would melt into one
+            line_link_ = i; // first radio only: one parser cannot separate two streams
             links_[i].set_text(&legacy_line_);
         }
     }
@@ -100,10 +100,10 @@ void App::update_overruns(TickSensors *sensors) {
 void App::tick() {
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner != Owner::timer) {
-        button_.check(); // of the robot itself: host-in-the-loop, too
+        button_.check(); // the robot's own button, also in hardware-in-the-loop
     }
     if (owner == Owner::background) {
-        board_.output_enable->set(false); // the host's world turns, not these wheels
+        board_.output_enable->set(false); // the simulated robot moves, not this one
         return;
     }
     if (owner == Owner::handing_over) {
@@ -131,7 +131,7 @@ void App::tick() {
     control_.tick(sensors, wires_, *board_.clock);
 }
 
-/// Start over with another clock. Only while no tick runs.
+/// Restart with another clock. Only while no tick runs.
 void App::restart_control(uint64_t now_us) {
     control_.restart();
     control_.report.update();
@@ -160,25 +160,25 @@ void App::update_owner() {
     }
 }
 
-/// Leaving is always possible, over any link, armed or not: it ends with motors off.
+/// Leave hardware-in-the-loop: always possible, over any link, armed or not; ends with motors off.
 uint8_t App::switch_hil(bool enable, size_t link) {
     if (enable) {
         return enter_hil(link);
     }
     if (lockstep_) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave HIL"));
         return MAV_RESULT_DENIED;
     }
     if (robot_.hil()) {
         if (hil_link_ != link) {
-            texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: another link asked for it"));
+            texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: another link requested it"));
         }
         leave_hil();
     }
     return MAV_RESULT_ACCEPTED;
 }
 
-/// From a stopped robot only a release leads on, not a simulation of one.
+/// An e-stop must be released on the real robot, not in a simulation.
 const char *App::hil_refusal(size_t link) const {
     if (hil_link_ != no_link && hil_link_ != link) {
         return "in use on another link";
@@ -189,10 +189,10 @@ const char *App::hil_refusal(size_t link) const {
 
 uint8_t App::enter_hil(size_t link) {
     if (robot_.armed()) {
-        return robot_.refuse_armed("host-in-the-loop");
+        return robot_.refuse_armed("HIL");
     }
     if (const char *why = hil_refusal(link)) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("HIL: ").add(why));
         return MAV_RESULT_DENIED;
     }
     hil_link_ = link;
@@ -211,11 +211,11 @@ void App::leave_hil() {
     links_.set_unlimited(false);
     hil_link_ = no_link;
     robot_.set_hil(false);
-    restart_control(board_.clock->now_us()); // disarmed, and the driver begins with everything off
+    restart_control(board_.clock->now_us()); // disarmed, and the driver starts with all outputs off
     owner_.store(Owner::timer, std::memory_order_release);
 }
 
-/// A host that has gone leaves a robot that is disarmed and ready for the next one.
+/// Leave hardware-in-the-loop if its peer has disconnected.
 void App::watch_hil_peer() {
     if (!robot_.hil() || hil_link_ == no_link || board_.ports[hil_link_]->session() == hil_session_) {
         return;
@@ -225,12 +225,12 @@ void App::watch_hil_peer() {
         restart_control(0);
     } else {
         leave_hil();
-        texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its link was closed"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: its link was closed"));
     }
 }
 
-/// By the board's clock, since the simulated one stands still meanwhile. In lockstep there is no other clock and no
-/// motor.
+/// Uses the board's clock, as the simulated one stands still meanwhile. Not in lockstep, which has no other clock and
+/// no motors.
 void App::watch_hil_silence() {
     if (!robot_.hil() || lockstep_) {
         return;
@@ -238,7 +238,7 @@ void App::watch_hil_silence() {
     const bool stop_waits = control_.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
     if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_patience_us : hil_patience_us)) {
         leave_hil();
-        texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its host is silent"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: no sensor messages"));
     }
 }
 
@@ -264,7 +264,7 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_link_ = link;
     hil_session_ = board_.ports[link]->session();
     hil_heard_us_ = board_.clock->now_us();
-    flush(); // what this tick reports must not depend on how the host's bytes were cut into packets
+    flush(); // this tick's reports must not depend on the packet boundaries of the host's data
     TickSensors sensors;
     hil_.take(frame, &sensors);
     update_overruns(&sensors);
@@ -368,7 +368,7 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
     }
 }
 
-/// Why it started is worth a word on each link, unless somebody switched it on or asked for it.
+/// Report the reset cause on each link, unless it was power-on or a requested reset.
 void App::report_reset_cause(size_t link) {
     if (reset_cause_reported_[link]) {
         return;
@@ -387,7 +387,7 @@ void App::report_reset_cause(size_t link) {
     }
 }
 
-/// An emergency stop that this program came up in is told to everybody who comes.
+/// Report an e-stop that was active at boot to each new peer.
 void App::report_stop_latch(size_t link) {
     if (robot_.state() != OMNI_STATE_ESTOP || stop_latch_.at_boot() == StopLatch::AtBoot::released) {
         return;
@@ -398,7 +398,7 @@ void App::report_stop_latch(size_t link) {
                                     : "stop memory unreadable: stopped until released"));
 }
 
-/// Before a restart a stop that no tick has seen yet is kept, too: nothing moves then.
+/// Store the e-stop. Before a restart also one that no tick has processed yet.
 void App::store_stop() {
     const uint8_t state = robot_.state();
     const bool coming = control_.stopping(OMNI_EVENT_ESTOP);
@@ -452,7 +452,7 @@ void App::background() {
     receive_all();
     watch_hil_silence();
     if (!robot_.hil() || hil_link_ == no_link) {
-        serve(); // once the world's time runs, every frame and every tick does
+        serve(); // in simulated time every frame and every tick serves instead
     }
     flush();
     update_status_light();

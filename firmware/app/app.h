@@ -35,8 +35,8 @@ namespace omni {
 
 class App final : private ParameterListener, private HilSwitch {
 public:
-    /// @param lockstep host-in-the-loop from the start and always: tick() is never called. @param board must outlive
-    /// the App.
+    /// @param lockstep hardware-in-the-loop from the start and always: tick() is never called. @param board must
+    /// outlive the App.
     App(const Board &board, bool lockstep);
 
     /// The control tick, 1 kHz, interrupt context.
@@ -72,7 +72,7 @@ private:
     void update_owner();
     void restart_control(uint64_t now_us);
     uint8_t enter_hil(size_t link);
-    /// @return why host-in-the-loop cannot be entered from this link, or nullptr.
+    /// @return why hardware-in-the-loop cannot be entered from this link, or nullptr.
     const char *hil_refusal(size_t link) const;
     void leave_hil();
     void watch_hil_peer();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// What comes over the links: bytes, frames and the original robot's lines.
+/// Reception: bytes, frames and the original robot's lines.
 #include "app/app.h"
 #include "app/base/flash_code.h"
 #include "app/base/text.h"
@@ -7,7 +7,7 @@
 namespace omni {
 namespace {
 
-constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or network sends a heartbeat before
+constexpr uint64_t greeting_us = 2'000'000; ///< a peer on a cable or network sends a heartbeat within this time
 
 } // namespace
 
@@ -27,7 +27,7 @@ void App::report_status_to_new_peer(size_t link) {
     status_texts_.greet(link);
 }
 
-/// A radio is always connected. So what was said before somebody switched the other one on was said to nobody.
+/// A radio is always connected, so texts sent before the ground station's radio was switched on are lost.
 OMNI_COLD void App::on_peer_reappeared(size_t link) {
     const uint64_t now_us = clock_.now_us;
     const uint64_t heard_us = heartbeats_.stations.heard_us(link);
@@ -44,9 +44,9 @@ bool App::handing_over() const {
     return owner_.load(std::memory_order_acquire) == Owner::handing_over;
 }
 
-/// Takes bytes, not frames.
+/// Read bytes; frames are processed later.
 void App::receive(size_t link) {
-    if (!handing_over()) { // what comes next may be meant for host-in-the-loop: it waits a tick
+    if (!handing_over()) { // the next frames may be for hardware-in-the-loop: wait a tick
         links_[link].receive(board_.clock->stopwatch_ns());
     }
 }
@@ -67,23 +67,22 @@ void App::process_frames(size_t link) {
     while (!handing_over() && channel.next(&frame)) {
         const bool for_us = frame.target_system == 0 || frame.target_system == own;
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
-        // An echo. A station or a companion computer of the same number is another component: whoever chose that must
-        // still be heard.
+        // An echo of our own messages. A station with the same system id has another component id and is accepted.
         const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
         if (for_us && for_component && !by_us && channel.admits(frame)) {
             texts_.set_requester(link);
             dispatch(frame, {link, frame.system, frame.component});
             texts_.set_requester(no_link);
             if (robot_.hil() && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
-                serve(); // what is sent must depend on the frames, not on how often background() is called
+                serve(); // output must depend on the frames, not on the call rate of background()
             }
         }
     }
     process_legacy_line(link);
 }
 
-/// Refusals go to all links: who sends lines reads no MAVLink. The original robot's host sends nothing but lines: each
-/// is a sign of life too. None arms.
+/// A line's sender does not read MAVLink, so refusals go to all links. Each line counts as a heartbeat, as the original
+/// robot's host sends nothing else. Lines never arm.
 OMNI_COLD void App::apply_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
     const bool counts = heartbeats_.stations.accepts_setpoints(sender, clock_.now_us);
     heartbeats_.record(sender);
@@ -100,12 +99,12 @@ OMNI_COLD void App::apply_legacy_setpoint(const LegacySetpoint &setpoint, const 
 void App::process_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && legacy_line_.take(&setpoint)) {
-        apply_legacy_setpoint(setpoint, Sender{link}); // a line names no sender
+        apply_legacy_setpoint(setpoint, Sender{link}); // a line has no sender id
     }
 }
 
-/// The bytes of the world's link are read first and its frames taken last. What another link was sent before a tick's
-/// sensors acts in that tick. So a stop does.
+/// Read the simulator's link first and process its frames last, so that frames on other links that were sent before a
+/// tick's sensors, such as stops, act in that tick.
 void App::receive_all() {
     const size_t world = robot_.hil() ? hil_link_ : no_link;
     if (world != no_link) {

@@ -84,7 +84,7 @@ static void take_flow(hil_world_t *world, uint64_t due_us) {
     memset(&flow, 0, sizeof flow);
     flow.arrives_us = due_us + (uint64_t)(config->flow_delay_s * 1e6 + 0.5);
     flow.dropped = (hil_flag_t)(hil_uniform(config->seed, HIL_STREAM_FLOW_DROP, world->flow_samples) <
-                             config->flow_drop_probability);
+                                config->flow_drop_probability);
     read_flow(world, &flow);
     flow.moved[0] += hil_fault_value(world, HIL_FAULT_FLOW_JUMP, 0.0);
     if (hil_fault_find(world, HIL_FAULT_FLOW_STUCK, HIL_MAX_WHEELS) != NULL) {

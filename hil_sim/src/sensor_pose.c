@@ -83,7 +83,7 @@ static void take_fixes(hil_world_t *world) {
     }
 }
 
-void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose) {
+void hil_pose_queue_fix(hil_world_t *world, uint64_t taken_us, const double *pose) {
     const uint64_t late_us = (uint64_t)(late_by_s(world) * 1e6 + 0.5);
     hil_fix_t fix;
     memset(&fix, 0, sizeof fix);

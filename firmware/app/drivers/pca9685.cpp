@@ -19,10 +19,10 @@ constexpr uint8_t mode2_outdrv = 0x04;
 constexpr uint8_t prescale_1526_Hz = 3;
 constexpr uint8_t full = 0x10; ///< bit 4 of ON_H or OFF_H
 constexpr uint64_t oscillator_start_us = 500;
-constexpr uint16_t health_interval = 64; ///< updates between two looks at MODE1
-/// Ticks after which a busy bus counts as stuck, if it does not say so by itself.
+constexpr uint16_t health_interval = 64; ///< updates between two read-backs of MODE1
+/// Ticks after which a busy bus counts as stuck, for a bus without a timeout.
 constexpr uint32_t busy_limit = 5;
-/// Ticks in which a bus that says so by itself is sure to be asked again.
+/// Margin in ticks over the timeout of a bus that has one.
 constexpr uint32_t busy_spare = 2;
 
 uint32_t busy_ticks_allowed(I2cBus &bus) {
@@ -97,7 +97,7 @@ void Pca9685::succeeded(const uint8_t *read) {
     }
 }
 
-/// It lost its power in between; or nothing reads it back, and then no set-up helps.
+/// MODE1 was wrong: the chip lost its power, or reading back does not work, which an initialisation cannot fix.
 void Pca9685::readback_failed() {
     phase_ = Phase::off;
     readback_errors_ = omni_add_failures(readback_errors_, 1);
@@ -141,7 +141,7 @@ void Pca9685::poll(MotorWires &wires) {
     readback_in_flight_ = false;
 }
 
-/// The update's addresses and lengths, which only the wiring decides; the tick fills in the counts.
+/// Addresses and lengths of the update, from the wiring; the tick fills in the counts.
 void Pca9685::build_update_layout() {
     bool used[channels] = {};
     for (size_t i = 0; i < wiring_.wheels; ++i) {
@@ -167,7 +167,7 @@ void Pca9685::build_update_layout() {
     }
 }
 
-/// Where the bytes of a channel in use are in the update.
+/// A channel's bytes in the update.
 uint8_t *Pca9685::channel_slot(uint8_t channel) {
     const uint8_t wanted = register_of(channel);
     I2cTransaction *burst = update_;
@@ -195,7 +195,7 @@ void Pca9685::send(I2cBus &bus, const I2cTransaction *batch, size_t count) {
     }
 }
 
-/// The next step of the power-up sequence.
+/// Send the next step of the power-up sequence.
 void Pca9685::send_setup(I2cBus &bus, uint64_t now_us) {
     if (phase_ == Phase::off) {
         const I2cTransaction off = write_of({reg_all_led_off_high, full});
@@ -213,7 +213,7 @@ void Pca9685::send_setup(I2cBus &bus, uint64_t now_us) {
 
 void Pca9685::drive(MotorWires &wires, uint64_t now_us, const omni_real_t *duty, bool on) {
     if (in_flight_) {
-        return; // the last update is still on the wire; this one's successor replaces it
+        return; // the last update is still on the wire; skip this one
     }
     if (phase_ == Phase::settle && now_us - awake_us_ >= oscillator_start_us) {
         phase_ = Phase::ready;

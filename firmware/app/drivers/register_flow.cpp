@@ -10,22 +10,22 @@ namespace omni {
 namespace {
 
 constexpr uint64_t retry_us = 200'000;
-/// How much longer than its maker says a chip may take to be ready after its calibration.
+/// Timeout beyond the documented duration of the calibration.
 constexpr uint64_t patience_us = 1'000'000;
-/// A reading that waited longer was asked for before a pause: the host was in the loop.
+/// Maximum age of a transfer: an older one was sent before a pause by hardware-in-the-loop.
 constexpr uint64_t stale_us = 10'000;
-/// Ticks that a transfer may take. The longest, a Pinpoint's pose, is 0.75 ms at 400 kHz.
+/// Timeout of a transfer in ticks. The longest, a Pinpoint's pose, is 0.75 ms at 400 kHz.
 constexpr uint8_t busy_limit = 5;
 constexpr uint8_t failures_allowed = 10;
 constexpr uint8_t good_enough = 10;
 constexpr float farthest_m = 8.0f;
-/// Faster is no robot: its wheels would turn at 100 turns a second.
+/// Plausibility limit of the speed: 100 wheel revolutions per second.
 constexpr float fastest_m_s = 10.0f;
 
 constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_RECEIVED);
 constexpr uint8_t whole = way_only | static_cast<uint8_t>(OMNI_FLOW_TURN);
 
-/// A pose that can be reckoned with.
+/// Is the pose finite and plausible?
 bool is_number(const CountedPose &pose) {
     return std::fabs(pose.x_m) < 1e6f && std::fabs(pose.y_m) < 1e6f && std::fabs(pose.heading_rad) < 1e6f;
 }
@@ -50,7 +50,7 @@ void RegisterFlow::restart_chip(uint64_t now_us, FlowCause cause, uint8_t seen) 
     due_us_ = now_us + retry_us;
 }
 
-/// A batch in flight is still waited for, and nothing else is sent.
+/// When disabled, the batch in flight is completed, and no other is sent.
 void RegisterFlow::apply_enable() {
     const bool wanted = wanted_.load(std::memory_order_relaxed);
     if (wanted == used_) {
@@ -121,7 +121,7 @@ uint8_t RegisterFlow::arrived(uint64_t now_us, const uint8_t *bytes, float *move
     return 0;
 }
 
-/// The next pose is compared with nothing.
+/// Discard the last pose: the next one starts a new interval.
 void RegisterFlow::begin(Phase phase, I2cWrites writes) {
     phase_ = phase;
     next_write_ = writes;
@@ -159,7 +159,7 @@ void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
     }
 }
 
-/// What the chip does not trust is left out, but the next way counts from here.
+/// A pose with an error status is not used, but it starts the next interval.
 uint8_t RegisterFlow::process_pose(uint64_t now_us, const CountedPose &pose, float *moved) {
     if (!pose.ready && now_us < ready_by_us_) {
         return 0;
@@ -183,12 +183,12 @@ uint8_t RegisterFlow::process_pose(uint64_t now_us, const CountedPose &pose, flo
     if (fresh != 0) {
         last_ = pose;
         last_us_ = sent_us_;
-        have_pose_ = phase_ == Phase::run; // or it is being set to zero
+        have_pose_ = phase_ == Phase::run; // false while it is being reset to zero
     }
     return fresh;
 }
 
-/// @return 0 after a jump: the start begins anew.
+/// @return 0 after an implausible jump, which restarts the chip.
 uint8_t RegisterFlow::compute_displacement(uint64_t now_us, const CountedPose &pose, float *moved) {
     const float x = pose.x_m - last_.x_m;
     const float y = pose.y_m - last_.y_m;

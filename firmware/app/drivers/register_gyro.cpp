@@ -11,14 +11,15 @@ namespace {
 
 constexpr uint8_t reading_bytes = 6;
 constexpr uint16_t jump_window = 1000; ///< readings
-/// Of them. A wrong bit is one of the upper four in a quarter of all cases: so thrice as many are used unseen.
+/// Threshold of jumps per window. A quarter of all bit errors is in the upper four bits and detected: three times as
+/// many are not.
 constexpr uint16_t jumps_allowed = 5;
 
 constexpr uint64_t retry_us = 200'000;
-/// A reading that waited longer was asked for before a pause: the host was in the loop.
+/// Maximum age of a transfer: an older one was sent before a pause by hardware-in-the-loop.
 constexpr uint64_t stale_us = 10'000;
 constexpr uint16_t look_interval = 50; ///< readings
-/// Ticks that a batch may take. The longest, the set-up, is 0.6 ms at 400 kHz.
+/// Timeout of a batch in ticks. The longest, the set-up, is 0.6 ms at 400 kHz.
 constexpr uint8_t busy_limit = 5;
 constexpr uint8_t failures_allowed = 10;
 constexpr uint8_t invalid_allowed = 10;
@@ -44,7 +45,7 @@ void RegisterGyro::restart_chip(uint64_t now_us, GyroCause cause, uint8_t seen) 
     due_us_ = now_us + retry_us;
 }
 
-/// Another axis has another history. Without one the batch in flight is still waited for, and nothing else is sent.
+/// A change of the axis clears the history. When disabled, the batch in flight is completed, and no other is sent.
 void RegisterGyro::apply_axis() {
     const int8_t wanted = requested_axis_.load(std::memory_order_relaxed);
     if (wanted == axis_) {
@@ -146,7 +147,7 @@ void RegisterGyro::step_done(uint64_t now_us, const uint8_t *bytes) {
     next_step(now_us, step.kind == GyroStep::Kind::expect ? 0 : step.wait_us);
 }
 
-/// All settings are looked at before the first reading.
+/// Read back all settings before the first reading.
 void RegisterGyro::begin_run() {
     phase_ = Phase::run;
     suspicious_ = true;
@@ -157,8 +158,8 @@ void RegisterGyro::begin_run() {
     window_ = jumps_ = 0;
 }
 
-/// Something wrong counts twice in a row, because a bit may have got lost on the wires. The second time the settings
-/// come first: a chip that has lost them does not measure, either.
+/// A wrong read-back is an error only twice in a row (bit errors). The second time the settings are checked first, as a
+/// chip that has lost them does not measure, either.
 void RegisterGyro::check_readback(uint64_t now_us, const uint8_t *bytes) {
     const GyroLook &look = chip_.looks[look_];
     readings_since_readback_ = 0;
@@ -221,7 +222,7 @@ bool RegisterGyro::stands_still(const int16_t *raw) {
     return same_ >= same_allowed;
 }
 
-/// A jump is believed once the next reading is at the same place.
+/// A jump is accepted if the next reading confirms it.
 bool RegisterGyro::jumps(int16_t raw) {
     const int16_t before = last_[std::abs(axis_) - 1];
     last_rejected_ = have_used_ && is_jump(used_, raw) && (!last_rejected_ || is_jump(before, raw));
@@ -243,7 +244,7 @@ void RegisterGyro::count_jump(bool jumped) {
     }
 }
 
-/// A saturated reading is handed on: the core knows GYRO_MAX.
+/// A saturated reading is passed on: the core checks GYRO_MAX.
 void RegisterGyro::judge(int16_t raw) {
     if (raw >= chip_.end_of_range || raw <= -chip_.end_of_range) {
         good_ = 0;
@@ -264,7 +265,7 @@ I2cTransaction RegisterGyro::write_of(const uint8_t *bytes, size_t count) const 
     return transaction;
 }
 
-/// @return transactions.
+/// @return number of transactions.
 size_t RegisterGyro::compile(GyroWrites writes, I2cTransaction *batch) const {
     size_t count = 0;
     while (writes != nullptr && *writes != 0 && count < GyroRegisters::max_writes) {
@@ -302,7 +303,7 @@ void RegisterGyro::send_identify(uint64_t now_us) {
     send(now_us, batch, count + 1);
 }
 
-/// The place comes with each piece.
+/// Each piece is sent with its address.
 void RegisterGyro::send_piece(uint64_t now_us) {
     const size_t word = uploaded_ / 2;
     const uint8_t place[] = {chip_.upload_place_reg, static_cast<uint8_t>(word & 0xFu),

@@ -10,10 +10,10 @@ namespace {
 
 constexpr size_t most_numbers = 6;
 constexpr int max_exponent = 30;
-/// More digits than a float can tell apart are not looked at.
+/// Digits beyond the resolution of a float are ignored.
 constexpr uint32_t mantissa_limit = 100'000'000;
 
-/// Reads forward through a line.
+/// Parser of a line.
 struct Cursor {
     const char *at;
     const char *end;
@@ -162,7 +162,7 @@ bool LegacyLine::on_byte(uint8_t byte) {
     }
     if (byte == '\r' || byte == '\n') {
         if (length_ > 0) {
-            spoil(); // a line does not end like this: what follows belongs to it
+            spoil(); // invalid end of a line: discard up to the next `*`
         }
         return true;
     }
@@ -175,7 +175,7 @@ bool LegacyLine::on_byte(uint8_t byte) {
     return true;
 }
 
-/// Half a line lost its other half; the next one starts clean.
+/// A frame within a line: discard the incomplete line.
 void LegacyLine::on_frame() {
     refused_ += length_ > 0 || calibration_disturbed_ ? 1 : 0;
     length_ = 0;

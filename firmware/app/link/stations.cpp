@@ -22,8 +22,8 @@ OMNI_COLD size_t Stations::find(const Sender &sender) const {
     return i;
 }
 
-/// Never that of the station in command. One whose drive has ended stays as long as there are others: its setpoints
-/// would count again.
+/// Entry to replace: never the station in command; one whose drive has ended only if there is no other, as its
+/// setpoints would be accepted again.
 OMNI_COLD size_t Stations::free_place() const {
     size_t place = most;
     for (size_t i = 0; i < most; ++i) {
@@ -92,7 +92,7 @@ OMNI_COLD void Stations::start_drive(const Sender &sender) {
     }
 }
 
-/// Whoever has the command drives already: its first setpoint may still be on its way.
+/// The station in command counts as driving: its first setpoint may still be in transit.
 OMNI_COLD void Stations::end_other_drives(const Sender &sender) {
     for (size_t i = 0; i < most; ++i) {
         Station &station = stations_[i];

@@ -13,7 +13,7 @@
 namespace omni {
 namespace {
 
-/// Command numbers that pymavlink's common.xml knows, under short names.
+/// Short names of command numbers in common.xml.
 enum : uint16_t {
     cmd_do_set_mode = MAV_CMD_DO_SET_MODE,
     cmd_terminate = MAV_CMD_DO_FLIGHTTERMINATION,
@@ -25,7 +25,7 @@ enum : uint16_t {
     cmd_capabilities = MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
 };
 
-/// Of a COMMAND_LONG or COMMAND_INT: seven numbers of four bytes come first in both.
+/// Parameters of a COMMAND_LONG or COMMAND_INT: seven values of four bytes at the start of both.
 template <class Message>
 int32_t receipt_of(const Message &message, bool numbered) {
     if (!numbered) {
@@ -129,7 +129,7 @@ void Commands::handle(const Command &command) {
     links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack, command.stops ? Priority::stop : Priority::reply);
 }
 
-/// @param holds the pose, or ends an excitation: no drive begins.
+/// @param holds it holds the pose or ends an excitation: no drive is started.
 void Commands::record_motion(bool holds, const Sender &sender) {
     if (holds) {
         services_.heartbeats.held(sender);
@@ -138,7 +138,7 @@ void Commands::record_motion(bool holds, const Sender &sender) {
     }
 }
 
-/// Commands that say where to go.
+/// Motion commands.
 uint8_t Commands::run_motion(const Command &command) {
     const float *p = command.param;
     const bool holds = effect_of(command) == Effect::ends;
@@ -218,7 +218,7 @@ OMNI_COLD uint8_t Commands::hil_command(float enable, size_t link) {
     return services_.hil.switch_hil(enable == 1.0f, link);
 }
 
-/// What is on trial may be taken back: it is not stored.
+/// Parameters on trial are not stored, as they may be restored.
 OMNI_COLD uint8_t Commands::storage(float action) {
     if (action == 1.0f && services_.trial.on()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("nothing stored: parameters are on trial"));
@@ -236,13 +236,13 @@ OMNI_COLD uint8_t Commands::set_mode(ModeRequest mode, const Sender &sender) {
     if (mode == ModeRequest::follow_setpoints) {
         return follow_setpoints(sender);
     }
-    texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("no such mode: hold, or follow set-points"));
+    texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("no such mode: hold, or follow setpoints"));
     return MAV_RESULT_DENIED;
 }
 
-/// Set-points move an armed robot without it. It is the start of a drive to the station, as arming is: after the end of
-/// its last one its set-points are used again. Disarmed it changes nothing, so that another station's arming does not
-/// let them move the robot.
+/// Not needed to follow setpoints while armed. It starts a drive of the station, as arming does: after the end of its
+/// last drive its setpoints are accepted again. No effect while disarmed, so that another station's arming does not
+/// enable them.
 OMNI_COLD uint8_t Commands::follow_setpoints(const Sender &sender) {
     if (!services_.heartbeats.may_move(sender)) {
         return MAV_RESULT_DENIED;
@@ -250,7 +250,7 @@ OMNI_COLD uint8_t Commands::follow_setpoints(const Sender &sender) {
     const float timeout_s = services_.parameters.config().limits.command_timeout_s;
     const bool is_streaming = services_.heartbeats.is_streaming(sender, static_cast<uint64_t>(timeout_s * 1e6f));
     if (!is_streaming || services_.setpoints.refused()) {
-        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode refused: send valid set-points first"));
+        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode refused: send valid setpoints first"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (robot_.armed()) {

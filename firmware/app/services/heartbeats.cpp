@@ -7,7 +7,7 @@
 namespace omni {
 namespace {
 
-/// The station in command hears of a sender that is refused at most once in this time.
+/// Minimum interval of reports of refused senders to the station in command.
 constexpr uint64_t told_interval_us = 5'000'000;
 
 OMNI_COLD Text &add_station(Text &text, const Sender &sender) {
@@ -58,7 +58,7 @@ OMNI_COLD void Heartbeats::refuse_motion(const Sender &sender, bool streamed) {
     }
 }
 
-/// After a stop, which waits for nothing.
+/// Called after the stop has been executed.
 OMNI_COLD void Heartbeats::notify_displaced_station(const char *did, const Sender &sender) {
     if (robot_.armed() && !stations.counts(sender)) {
         Text text;

@@ -87,8 +87,8 @@ void Hil::take(const Frame &frame, TickSensors *sensors) {
     bus.answer(message.i2c_status, message.i2c_read);
 }
 
-/// The steps are those that every driver sends; the output enable decides whether they reach the motors.
-/// Voltages are in the wheel's direction already, duties in the motor's.
+/// PWM steps as sent by every driver; the output enable decides whether they reach the motors. Voltages are in the
+/// wheel's direction, duties in the motor's.
 void Hil::report_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const {
     const bool on = out.drive && output_enable.level() == 1;
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {

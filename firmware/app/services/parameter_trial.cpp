@@ -8,7 +8,7 @@
 namespace omni {
 namespace {
 
-/// The hub's component (host/omniwheel/hub): it ends the trial of a program that has gone.
+/// The hub's component (host/omniwheel/hub): it ends the trial of a disconnected client.
 constexpr uint8_t hub_component = MAV_COMP_ID_UART_BRIDGE;
 
 } // namespace

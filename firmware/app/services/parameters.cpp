@@ -23,7 +23,7 @@ const char *problem_at_boot(StoreResult result) {
 constexpr const char *damaged = "stored parameters are damaged: not used";
 constexpr const char *one_damaged = "a stored parameter set is damaged: the other used";
 
-/// A value of the robot's own may be no number: it is then the same as itself.
+/// Equality that also holds for two NaNs: a value of the robot file may be NaN.
 bool values_differ(omni_real_t a, omni_real_t b) {
     return a != b && !(std::isnan(a) && std::isnan(b));
 }
@@ -52,8 +52,9 @@ bool Parameters::fits(const omni_real_t *values, int32_t *bad_index) {
     return make_robot_setup(control_.setups.scratch(), values, bad_index) == OMNI_OK;
 }
 
-/// Values that are each in range need not fit together. Leave out those that are blamed. If the blame falls on the
-/// robot's own values or on none, add the stored ones one after another, as far as they fit.
+/// Values within their ranges may be inconsistent. Remove the stored values that are reported as invalid. If the
+/// reported one is of the robot file, or none is reported, add the stored values one by one as long as they are
+/// consistent.
 OMNI_COLD void Parameters::remove_inconsistent_values(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
@@ -78,8 +79,8 @@ OMNI_COLD void Parameters::remove_inconsistent_values(omni_real_t *values) {
     }
 }
 
-/// Work with what is stored.
-/// @return ok, or why nothing of it is used; `failed`: the robot's own values do not fit together.
+/// Apply the stored values.
+/// @return ok, or why none of them is used; `failed`: the robot file's values are inconsistent.
 StoreResult Parameters::adopt_stored() {
     omni_real_t values[OMNI_PARAM_COUNT];
     std::memcpy(values, board_.robot_values, sizeof values);
@@ -107,7 +108,7 @@ OMNI_COLD void Parameters::boot() {
     if (boot_result_ == StoreResult::ok || adopt(board_.robot_values, &bad, &why)) {
         return;
     }
-    // A board hands over checked values. If it did not, the links work, and nothing drives.
+    // The board's values are checked at build time. If they are invalid anyway, the links work, but arming is refused.
     robot_.set_unusable_value(bad >= 0 ? omni_param_table[bad].name : "WHEELS, W*_ANGLE");
     omni_real_t values[OMNI_PARAM_COUNT];
     fallback_parameters(values);
@@ -205,7 +206,7 @@ OMNI_COLD void Parameters::on_set(const Frame &frame, const Sender &sender) {
     }
 }
 
-/// Another robot on the line may have the number that is stored, or the robot's own: the two would be driven as one.
+/// Keep SYS_ID: another robot on the link may have the stored one or the robot file's, and both would be driven.
 void Parameters::keep_system_id(omni_real_t *values) const {
     const omni_real_t now = values_[OMNI_PARAM_SYS_ID];
     values[OMNI_PARAM_SYS_ID] = now > 0.0f ? now : values[OMNI_PARAM_SYS_ID]; // before boot there is none

@@ -4,8 +4,8 @@
 namespace omni {
 namespace {
 
-/// A report may be waiting, and a tick may be under way that has taken its requests before. The third one has seen the
-/// command.
+/// Reports until a command is contained in one: one report may be pending, one tick may have processed its requests
+/// before; the third one contains it.
 constexpr uint8_t reports_until_known = 3;
 
 } // namespace
@@ -14,7 +14,7 @@ void RobotState::restart(bool stopped) {
     latest_ = TickReport{};
     fix_ = FixReport{};
     if (stopped) {
-        latest_.outputs.state = OMNI_STATE_ESTOP; // as the first tick will say
+        latest_.outputs.state = OMNI_STATE_ESTOP; // as the first tick will report
     }
     arming_ = 0;
     stopping_ = 0;

@@ -7,7 +7,7 @@
 namespace omni {
 namespace {
 
-/// The stored clock is at most this far behind while disarmed [10 us]: 50 s.
+/// Maximum lag of the stored clock while disarmed [10 us]: 50 s.
 constexpr uint64_t store_interval = 5'000'000;
 constexpr uint64_t retry_us = 60'000'000;
 constexpr uint64_t text_interval_us = 10'000'000;
@@ -53,7 +53,7 @@ OMNI_COLD void SigningService::on_setup(const Frame &frame, const Sender &sender
     }
 }
 
-/// Never while armed: writing may stop the processor for a while. What was stored for a drive is taken back after it.
+/// Never while armed: writing may halt the processor. The time stored ahead for a drive is replaced after it.
 void SigningService::store_time_if_due() {
     const bool armed = robot_.armed();
     const bool disarmed_now = was_armed_ && !armed;

@@ -16,14 +16,14 @@ float rounded_figure(float value) {
     return std::fabs(value) < 1e5f ? static_cast<float>(std::lround(value * 100.0f)) * 0.01f : value;
 }
 
-/// One byte, as data sheets write it.
+/// One byte in hexadecimal.
 Text &add_byte(Text &text, uint8_t byte) {
     const char *digits = "0123456789ABCDEF";
     const char written[] = {'0', 'x', digits[byte >> 4], digits[byte & 0xF], '\0'};
     return text.add(written);
 }
 
-/// Why there are no readings, and what to do.
+/// Cause and remedy of missing readings.
 Text gyro_text(const GyroTrouble &trouble) {
     Text text;
     text.add("gyro: ");
@@ -114,8 +114,7 @@ void StatusTexts::report_state(uint8_t state) {
     texts_.say(alarm ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_INFO, Text().add(name));
 }
 
-/// A ground station that leaves while it has the command stops the robot (link loss); another one's leaving is worth a
-/// word.
+/// Report heartbeat losses. Of the station in command they stop the robot (link loss).
 void StatusTexts::report_link_changes() {
     if (!robot_.armed()) {
         return;
@@ -138,7 +137,7 @@ void StatusTexts::report_link_changes() {
     }
 }
 
-/// Once on each link, from the press to the release of the stop.
+/// Report once per link and press, until the release of the e-stop.
 void StatusTexts::report_button() {
     const bool pressed = button_.pressed();
     for (size_t link = 0; link < links_.count(); ++link) {
@@ -149,7 +148,7 @@ void StatusTexts::report_button() {
     }
 }
 
-/// Once when it begins: armed or not, the motors stay off from then on.
+/// Report once at the start: the motors stay off from then on.
 void StatusTexts::report_read_back() {
     const bool missing = robot_.latest().read_back_missing;
     if (missing && !read_back_said_) {
@@ -158,7 +157,7 @@ void StatusTexts::report_read_back() {
     read_back_said_ = missing;
 }
 
-/// Of the board's own chip: a host in the loop has another one. Once on each link: who comes later hears it, too.
+/// Fault of the board's gyro, not of a simulated one. Once per link, also for peers that connect later.
 OMNI_COLD void StatusTexts::report_gyro() {
     const GyroTrouble trouble = gyro_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {
@@ -169,7 +168,7 @@ OMNI_COLD void StatusTexts::report_gyro() {
     }
 }
 
-/// The same.
+/// Fault of the board's floor odometry sensor, reported in the same way.
 OMNI_COLD void StatusTexts::report_flow() {
     const FlowTrouble trouble = flow_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {
@@ -180,7 +179,7 @@ OMNI_COLD void StatusTexts::report_flow() {
     }
 }
 
-/// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
+/// Measured value and limit at a stop, for faults with a threshold.
 OMNI_COLD void StatusTexts::report_stop_cause() {
     const omni_stop_t &stop = robot_.latest().outputs.stop;
     const uint32_t faults = robot_.latest().outputs.fault_history;
@@ -229,7 +228,7 @@ OMNI_COLD void StatusTexts::report_stop_cause() {
     }
     if ((faults & OMNI_FAULT_COMMAND_LOSS) != 0) {
         texts_.say(MAV_SEVERITY_CRITICAL,
-                   Text().add("no set-point for SAFE_CMD_TO ").add(limits.command_timeout_s).add(" s"));
+                   Text().add("no setpoint for SAFE_CMD_TO ").add(limits.command_timeout_s).add(" s"));
     }
     if ((faults & OMNI_FAULT_LINK_LOSS) != 0) {
         texts_.say(MAV_SEVERITY_CRITICAL,
@@ -244,7 +243,7 @@ void StatusTexts::report_failsafe() {
     }
 }
 
-/// A velocity that is not followed as asked, again and again for as long as that lasts.
+/// Report a limited velocity setpoint, repeatedly while it lasts.
 OMNI_COLD void StatusTexts::report_slowdown() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = slowed_said_us_ != 0 && clock_.now_us - slowed_said_us_ < slowed_interval_us;
@@ -265,7 +264,7 @@ OMNI_COLD void StatusTexts::report_slowdown() {
     texts_.say(MAV_SEVERITY_NOTICE, text);
 }
 
-/// Motors that push less than the control wants, again and again for as long as that lasts.
+/// Report active current limiting, repeatedly while it lasts.
 void StatusTexts::report_current_limit() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = limited_said_us_ != 0 && clock_.now_us - limited_said_us_ < slowed_interval_us;

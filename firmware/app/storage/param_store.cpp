@@ -22,8 +22,7 @@ constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
 
-/// Tables of the firmwares that stored by index, and how many parameters each had. Their order is that of today's
-/// table.
+/// Tables of firmwares that stored by index, and their number of parameters. Same order as the current table.
 struct OldTable {
     uint32_t schema;
     int32_t count;
@@ -39,7 +38,7 @@ int32_t parameter_of_key(uint16_t key) {
     return -1;
 }
 
-/// @return how many indices of the old table with this CRC are today's, 0 if it is not known.
+/// @return number of valid indices of the old table with this CRC; 0: unknown table.
 int32_t indices_of(uint32_t schema) {
     const auto *found = std::find_if(std::begin(old_tables), std::end(old_tables),
                                      [schema](const OldTable &table) { return table.schema == schema; });

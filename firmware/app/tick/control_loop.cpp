@@ -8,7 +8,8 @@
 namespace omni {
 namespace {
 
-/// A megavolt for a tick: no supply that is measured has it, but a host may tell one. It is not counted.
+/// Limit of |voltage| per tick in the integral [1e-6 V s]: larger values, possible only from a simulator, are ignored
+/// to prevent an overflow of the conversion.
 constexpr float most_volt_us = 1e9f;
 
 } // namespace
@@ -97,7 +98,7 @@ void ControlLoop::restart() {
     omni_robot_init(&robot_, &setup_->config);
 }
 
-/// Set-points that came before are no longer valid, the one in force included.
+/// Invalidate earlier setpoints, including the current one.
 void ControlLoop::forget_setpoints(uint32_t before) {
     inputs_.setpoint.kind = OMNI_SETPOINT_NONE;
     oldest_valid_ = before;
@@ -107,7 +108,7 @@ void ControlLoop::apply(const Request &request) {
     switch (request.kind) {
     case Request::Kind::event:
         if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_->state != OMNI_STATE_ARMED) {
-            forget_setpoints(request.order); // what moved the robot before its last disarm does not start again
+            forget_setpoints(request.order); // setpoints from before the last disarm must not move it again
         }
         inputs_.events |= request.event;
         break;
@@ -151,7 +152,7 @@ void ControlLoop::start_pending_excitation() {
     }
 }
 
-/// One per tick; the next one waits. In the tick after it, which looks here once more, it is told what became of it.
+/// Process one fix per tick; its result is published in the next tick, which is flagged for that.
 void ControlLoop::process_fix() {
     if (had_fix_) {
         report_fix();
@@ -170,7 +171,7 @@ void ControlLoop::process_fix() {
     }
 }
 
-/// Of the tick before. The filter has a new innovation of every fix that it could compare with its estimate.
+/// Publish the result of the previous tick's fix. The filter's innovation changes with every fix of a usable time.
 void ControlLoop::report_fix() {
     FixReport &out = fix_report.writing();
     out.pose = inputs_.fix.pose;
@@ -186,8 +187,8 @@ void ControlLoop::report_fix() {
     fix_report.publish();
 }
 
-/// @param flags the stops among them are in the tick's events before anything else is looked at. A request that came
-/// before a stop is then sure to be in the same tick, where the stop wins.
+/// @param flags stops are added to the tick's events before anything else. A request from before a stop is then in the
+/// same tick, where the stop has priority.
 void ControlLoop::process_events(uint32_t flags) {
     constexpr uint32_t unordered = pending_heartbeat | pending_setpoint | pending_pin_test | pending_excitation;
     constexpr uint32_t news = unordered | pending_request | pending_fix;
@@ -222,7 +223,7 @@ void ControlLoop::process_plan() {
     }
 }
 
-/// The driver sets its chip up anew afterwards, and until then nobody arms.
+/// The driver initialises its chip again afterwards; arming is refused until then.
 void ControlLoop::begin_scan() {
     if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
         driver_was_ready_ = false;
@@ -231,8 +232,8 @@ void ControlLoop::begin_scan() {
     }
 }
 
-/// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes
-/// nothing.
+/// Requires small open-loop duties: a closed loop would raise them while the wheels do not respond. A retransmission
+/// has no effect.
 void ControlLoop::begin_pin_test(uint32_t wanted) {
     if (pin_test_.ticks != 0 || !outputs_->drive) {
         return;
@@ -245,13 +246,12 @@ void ControlLoop::begin_pin_test(uint32_t wanted) {
         pin_test_.ticks = wanted / 2;
         pin_test_.release = wanted % 2 != 0;
     } else {
-        inputs_.events |=
-            OMNI_EVENT_DISARM; // the duties have grown since it was accepted: it ends as it would have ended
+        inputs_.events |= OMNI_EVENT_DISARM; // the duties have increased since it was accepted: disarm, as at its end
     }
 }
 
-/// The core is told what is true, no duty: it sees no stalled wheel and counts no volts. Silence of the host still
-/// stops it.
+/// During the test the core gets the actual duties, 0, so that no stall is detected and no voltage is integrated. A
+/// setpoint timeout still stops it.
 void ControlLoop::prepare_pin_test() {
     if (pin_test_.ticks == 0) {
         return;
@@ -264,7 +264,7 @@ void ControlLoop::prepare_pin_test() {
     }
 }
 
-/// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same
+/// Runs instead of the motor driver. @return false if no test is active: a stop ends it and reaches the bus in the same
 /// tick.
 bool ControlLoop::run_pin_test(OutputEnable &pin) {
     if (pin_test_.ticks == 0 || !outputs_->drive) {
@@ -280,7 +280,7 @@ bool ControlLoop::run_pin_test(OutputEnable &pin) {
     return true;
 }
 
-/// Another driver begins with its hardware as it finds it; the one before leaves its own switched off.
+/// Change the motor driver: the previous one is switched off, the new one starts from an unknown state.
 void ControlLoop::use_wiring(MotorWires &wires) {
     MotorDriver &wanted = drivers_.of(setup_->wiring.driver);
     if (&wanted != driver_) {
@@ -296,7 +296,7 @@ void ControlLoop::scan(MotorWires &wires) {
     powered_ = false;
     wires.enable.set(false);
     if (all_off_ticks_left_ > 0) {
-        // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the
+        // The update that stopped the motors may have failed or be pending, and there is none while the scan has the
         // bus.
         all_off_ticks_left_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(all_off_ticks_left_ - 1);
         return;
@@ -313,7 +313,7 @@ bool ControlLoop::release(MotorWires &wires) {
     return driver_->all_off(wires);
 }
 
-/// Bridges by the bus and, independent of it, by the pin.
+/// Output to the bridges by the driver and, independently, by the output-enable pin.
 void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
     driver_->drive(wires, now_us, outputs_->duty, outputs_->drive);
     driver_was_ready_ = driver_was_ready_ || driver_->ready();
@@ -334,7 +334,7 @@ void ControlLoop::measure(uint64_t duration_ns) {
     }
 }
 
-/// The voltage of this tick acts until the next one.
+/// Integrate this tick's voltage, which acts until the next tick.
 void ControlLoop::integrate_voltage() {
     for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
         const float volt_us = outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US);
@@ -351,7 +351,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
     out.i2c_errors = driver_->errors();
-    // Asked only once the updates have failed for good: most ticks need not look at the driver.
+    // Only after persistent failures, to save the call in most ticks.
     out.read_back_missing = inputs_.driver_failures == UINT16_MAX && driver_->read_back_missing();
     out.battery_V = sensors.battery_V;
     out.tick_us_mean = tick_us_mean_;
@@ -389,7 +389,7 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
         driver_->poll(wires);
     }
     inputs_.driver_failures = driver_->failures();
-    // Until the chip has been set up for the first time nothing could stop a motor: no arming.
+    // No arming before the first initialisation: nothing could stop a motor.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
     outputs_ = &report.writing().outputs;
     omni_robot_tick(&robot_, &inputs_, outputs_);

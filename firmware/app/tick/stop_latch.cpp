@@ -9,7 +9,7 @@ namespace {
 constexpr uint32_t word_stopped = 0x504F5453;  // "STOP"
 constexpr uint32_t word_released = 0x454D4F43; // "COME"
 
-/// A memory that is too small makes every access fail.
+/// Offset of the record; with a memory that is too small every access fails.
 size_t place_in(Storage &storage) {
     const size_t size = storage.size();
     return size >= storage_tail ? size - latch_slots : size;

@@ -181,7 +181,7 @@ static void tick_lanes(hil_lanes_plans_t *offered) {
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         inputs[lane] = &bench.inputs[lane];
     }
-    (void)hil_lanes_take_parted();
+    (void)hil_lanes_take_diverged();
     if (!hil_lanes_pack(&bench.core->inputs, inputs, bench.lanes_inputs)) {
         bench.filled = false;
         ++bench.tally.unequal;
@@ -189,7 +189,7 @@ static void tick_lanes(hil_lanes_plans_t *offered) {
     }
     bench.core->offer(bench.lanes_inputs, offered);
     bench.core->tick(bench.lanes_robot, bench.lanes_inputs, bench.lanes_outputs);
-    bench.filled = !hil_lanes_take_parted();
+    bench.filled = !hil_lanes_take_diverged();
     bench.tally.parted += bench.filled ? 0u : 1u;
 }
 
