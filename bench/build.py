@@ -26,7 +26,7 @@ CORE_PARTS = (
     *("control/original_law", "actuate/saturation", "model/kinematics", "math/math"),
     *(
         f"estimate/{part}"
-        for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_flow", "pose_ekf_history", "pose_ekf_turn")
+        for part in ("motor_kf", "pose_ekf", "pose_ekf_correct", "pose_ekf_flow", "pose_ekf_history", "pose_ekf_gyro")
     ),
 )
 METER = ROOT / "tests" / "parity" / "budgets"

@@ -17,7 +17,7 @@ def scenario_world(scenario: Scenario) -> Any:
     """Return a new ``hil_world_config_t *`` of the scenario and its seed. Raises WorldError, SchemaError."""
     config = _middle_world(scenario)
     entries = scenario.dispersion
-    lib.hil_disperse(config, dispersion_table(entries, config.wheels), len(entries), scenario.seed)
+    lib.hil_apply_dispersion(config, dispersion_table(entries, config.wheels), len(entries), scenario.seed)
     return config
 
 

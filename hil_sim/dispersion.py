@@ -132,7 +132,7 @@ def check_extremes(source: str, entries: tuple[Dispersion, ...], config: Any) ->
 def _check_one(source: str, entry: Dispersion, deviation: float, config: Any) -> None:
     extreme = ffi.new(f"{_CONFIG} *", config[0])
     table = dispersion_table((Dispersion(entry.quantity, deviation, deviation, 0.0, entry.relative),), config.wheels)
-    lib.hil_disperse(extreme, table, 1, 0)
+    lib.hil_apply_dispersion(extreme, table, 1, 0)
     why = ffi.new("char[]", 160)
     if lib.hil_world_init(ffi.new("hil_world_t *"), extreme, why, len(why)) != lib.HIL_OK:
         raise SchemaError(source, f"dispersion.{entry.quantity}", f"goes too far: {ffi.string(why).decode()}")

@@ -243,7 +243,7 @@ class OutsideWorld(World):
         self._external = external
         self._ahead: Callable[[], None] | None = getattr(external, "ahead", None)
         self._count = self.wheels  # asked for several times in every step
-        self._outside = ffi.new("hil_outside_t *")
+        self._outside = ffi.new("hil_external_state_t *")
         self._motors = ffi.new("double[]", lib.HIL_MAX_WHEELS), ffi.new("double[]", lib.HIL_MAX_WHEELS)
         self._begun = False
         self._now_s = 0.0
@@ -259,18 +259,18 @@ class OutsideWorld(World):
             self._begun = True
             self._sense()
             self._set_twist(list(self._outside.pose))
-            lib.hil_outside_begin(self.c, self._outside)
+            lib.hil_external_start(self.c, self._outside)
         asked, ok, world = ffi.new("bool *"), lib.HIL_OK, self.c
         for number in range(ticks):
             done[0] = number
-            result = lib.hil_lockstep_ask(link, world, asked)
+            result = lib.hil_lockstep_send_sensors(link, world, asked)
             if result != ok or not asked[0]:
                 return int(result)
             try:
                 if self._ahead is not None:
                     self._call("ahead", self._ahead)
             finally:  # an answer left behind would be taken for that of a later tick
-                result = lib.hil_lockstep_take(link, world, record)
+                result = lib.hil_lockstep_apply_actuators(link, world, record)
             if result != ok:
                 return int(result)
             done[0] = number + 1
@@ -288,7 +288,7 @@ class OutsideWorld(World):
 
     def _step(self) -> None:
         duty, coast = self._motors
-        lib.hil_outside_drive(self.c, duty, coast)
+        lib.hil_external_get_drive(self.c, duty, coast)
         wheels = self._count
         motors = tuple(ffi.unpack(duty, wheels)), tuple(ffi.unpack(coast, wheels))
         self._call("apply", self._external.apply, *motors)
@@ -297,7 +297,7 @@ class OutsideWorld(World):
         self._now_s = self.time_s + TICK_US * 1e-6
         self._sense()
         self._set_twist(before)
-        lib.hil_outside_follow(self.c, self._outside, TICK_US)
+        lib.hil_external_update(self.c, self._outside, TICK_US)
 
     def _set_twist(self, before: Sequence[float]) -> None:
         moved = [now - then for now, then in zip(self._outside.pose, before, strict=True)]

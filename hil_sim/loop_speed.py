@@ -99,11 +99,11 @@ def _with_mujoco(scenario: Scenario) -> Run:
 
 
 def _on_level(scenario: Scenario, level: int, blocks: int = 4) -> LoopTime:
-    lib.hil_lanes_use(level)
+    lib.hil_lanes_set_level(level)
     try:
         return monte_carlo(scenario, 1, blocks)
     finally:
-        lib.hil_lanes_use(lib.HIL_LANES_BEST)
+        lib.hil_lanes_set_level(lib.HIL_LANES_BEST)
 
 
 def _block_s(scenario: Scenario, first: int) -> float:

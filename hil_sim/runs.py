@@ -81,7 +81,7 @@ class Player:
         pieces = []
         going = True
         while going:
-            record = Record(PIECE_TICKS + lib.HIL_LOOK_TICKS)
+            record = Record(PIECE_TICKS + lib.HIL_UPDATE_TICKS)
             self._run.record = record.c
             going = bool(lib.hil_player_play(self._player, PIECE_TICKS))
             pieces.append(record.samples)

@@ -82,8 +82,8 @@ class _Timeline:
     def look(self, samples: NDArray[Any]) -> None:
         """Look at what the ticks brought."""
         rows = np.ascontiguousarray(samples)
-        lib.hil_milestones_of(self._seen, ffi.from_buffer("hil_sample_t[]", rows), len(rows))
-        lib.hil_timeline_look(self.c, self._seen)
+        lib.hil_milestones_from_record(self._seen, ffi.from_buffer("hil_sample_t[]", rows), len(rows))
+        lib.hil_timeline_update(self.c, self._seen)
 
     def expected_end_s(self, loop: Loop) -> float | None:
         """Return when the run will probably end [s], None if that is not known yet."""
@@ -118,6 +118,6 @@ def _do(scenario: Scenario, loop: Loop, timeline: _Timeline, step: Any) -> None:
     elif step.kind == lib.HIL_STEP_APPLY:
         loop.apply(scenario.events[step.event])
     elif step.kind == lib.HIL_STEP_LOCATE:
-        lib.hil_timeline_locate(timeline.c, loop.path_ticks(scenario.events[step.event].at_progress or 0.0))
+        lib.hil_timeline_set_offset(timeline.c, loop.path_ticks(scenario.events[step.event].at_progress or 0.0))
     else:
         loop.apply(Event(at_s=loop.ticks / TICKS_PER_S, command="disarm"))

@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/services/services.h"
 #include "app/services/status_light.h"
 
@@ -12,11 +12,11 @@ namespace {
 
 constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
-/// A host in the loop that sends no sensors for this long has gone. A stop waits a second for it: the robot's own
-/// motors are off meanwhile, and a busy computer may be late by some tenths.
+/// Timeout of sensor messages in hardware-in-the-loop. The robot's own motors are off, and a busy computer may be late
+/// by some tenths of a second.
 constexpr uint64_t hil_stop_patience_us = 1'000'000;
 constexpr uint64_t hil_patience_us = 10'000'000;
-/// A bus that stays busy this long is not waited for.
+/// Maximum wait for a busy bus.
 constexpr uint32_t release_limit = 50;
 
 } // namespace
@@ -49,7 +49,7 @@ OMNI_COLD App::App(const Board &board, bool lockstep)
     if (stop_latch_.boot() != StopLatch::AtBoot::released) {
         control_.stop(OMNI_EVENT_ESTOP);
     }
-    button_.look();
+    button_.check();
     restart_control(lockstep ? 0 : board_.clock->now_us());
 }
 
@@ -58,7 +58,7 @@ void App::attach_links() {
     links_.set_unlimited(lockstep_);
     for (size_t i = 0; i < links_.count() && line_link_ == no_link; ++i) {
         if (links_[i].is_radio()) {
-            line_link_ = i; // of the first radio only: two streams of lines would melt into one
+            line_link_ = i; // first radio only: one parser cannot separate two streams
             links_[i].set_text(&legacy_line_);
         }
     }
@@ -68,10 +68,10 @@ OMNI_COLD void App::parameters_changed() {
     const omni_real_t *values = parameters_.values();
     heartbeats_.stations.set_timeout(static_cast<uint64_t>(values[OMNI_PARAM_SAFE_LINK_TO] * 1e6f));
     if (board_.gyro_chip != nullptr) {
-        tell_gyro(static_cast<int8_t>(values[OMNI_PARAM_GYRO_AXIS]));
+        set_gyro_axis(static_cast<int8_t>(values[OMNI_PARAM_GYRO_AXIS]));
     }
     if (board_.flow_chip != nullptr) {
-        tell_flow(values[OMNI_PARAM_FLOW_MODE] > 0.0f);
+        enable_flow_chip(values[OMNI_PARAM_FLOW_MODE] > 0.0f);
     }
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].set_system(static_cast<uint8_t>(values[OMNI_PARAM_SYS_ID]));
@@ -88,7 +88,7 @@ OMNI_COLD void App::parameters_changed() {
     }
 }
 
-void App::watch_overrun(TickSensors *sensors) {
+void App::update_overruns(TickSensors *sensors) {
     const bool late = last_tick_us_ != 0 && sensors->time_us - last_tick_us_ > late_us;
     last_tick_us_ = sensors->time_us;
     overruns_ += late ? 1 : 0;
@@ -100,10 +100,10 @@ void App::watch_overrun(TickSensors *sensors) {
 void App::tick() {
     const Owner owner = owner_.load(std::memory_order_acquire);
     if (owner != Owner::timer) {
-        button_.look(); // of the robot itself: host-in-the-loop, too
+        button_.check(); // the robot's own button, also in hardware-in-the-loop
     }
     if (owner == Owner::background) {
-        board_.output_enable->set(false); // the host's world turns, not these wheels
+        board_.output_enable->set(false); // the simulated robot moves, not this one
         return;
     }
     if (owner == Owner::handing_over) {
@@ -112,7 +112,7 @@ void App::tick() {
         }
         return;
     }
-    jitter_.started(board_.clock->stopwatch_ns());
+    jitter_.record_start(board_.clock->stopwatch_ns());
     TickSensors sensors;
     sensors.jitter_us = jitter_.max_us();
     sensors.time_us = board_.clock->now_us();
@@ -126,18 +126,18 @@ void App::tick() {
         read_flow(&sensors);
     }
     board_.encoders->errors(sensors.encoder_errors);
-    watch_overrun(&sensors);
-    button_.look(); // last of the sensors: the tick's own first look is at the flag that this sets
+    update_overruns(&sensors);
+    button_.check(); // last of the sensors: the tick's own first look is at the flag that this sets
     control_.tick(sensors, wires_, *board_.clock);
 }
 
-/// Start over with another clock. Only while no tick runs.
+/// Restart with another clock. Only while no tick runs.
 void App::restart_control(uint64_t now_us) {
     control_.restart();
     control_.report.update();
     control_.fix_report.update();
     robot_.restart(control_.stopping(OMNI_EVENT_ESTOP));
-    button_.forget_simulated();
+    button_.reset_simulated();
     clock_.now_us = now_us;
     jitter_.restart();
     last_tick_us_ = 0;
@@ -160,26 +160,26 @@ void App::update_owner() {
     }
 }
 
-/// Leaving is always possible, over any link, armed or not: it ends with motors off.
+/// Leave hardware-in-the-loop: always possible, over any link, armed or not; ends with motors off.
 uint8_t App::switch_hil(bool enable, size_t link) {
     if (enable) {
         return enter_hil(link);
     }
     if (lockstep_) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave host-in-the-loop"));
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("started in lockstep: cannot leave HIL"));
         return MAV_RESULT_DENIED;
     }
     if (robot_.hil()) {
         if (hil_link_ != link) {
-            texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: another link asked for it"));
+            texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: another link requested it"));
         }
         leave_hil();
     }
     return MAV_RESULT_ACCEPTED;
 }
 
-/// From a stopped robot only a release leads on, not a simulation of one.
-const char *App::hil_obstacle(size_t link) const {
+/// An e-stop must be released on the real robot, not in a simulation.
+const char *App::hil_refusal(size_t link) const {
     if (hil_link_ != no_link && hil_link_ != link) {
         return "in use on another link";
     }
@@ -189,10 +189,10 @@ const char *App::hil_obstacle(size_t link) const {
 
 uint8_t App::enter_hil(size_t link) {
     if (robot_.armed()) {
-        return robot_.refuse_armed("host-in-the-loop");
+        return robot_.refuse_armed("HIL");
     }
-    if (const char *why = hil_obstacle(link)) {
-        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop: ").add(why));
+    if (const char *why = hil_refusal(link)) {
+        texts_.refuse(MAV_SEVERITY_WARNING, Text().add("HIL: ").add(why));
         return MAV_RESULT_DENIED;
     }
     hil_link_ = link;
@@ -211,11 +211,11 @@ void App::leave_hil() {
     links_.set_unlimited(false);
     hil_link_ = no_link;
     robot_.set_hil(false);
-    restart_control(board_.clock->now_us()); // disarmed, and the driver begins with everything off
+    restart_control(board_.clock->now_us()); // disarmed, and the driver starts with all outputs off
     owner_.store(Owner::timer, std::memory_order_release);
 }
 
-/// A host that has gone leaves a robot that is disarmed and ready for the next one.
+/// Leave hardware-in-the-loop if its peer has disconnected.
 void App::watch_hil_peer() {
     if (!robot_.hil() || hil_link_ == no_link || board_.ports[hil_link_]->session() == hil_session_) {
         return;
@@ -225,12 +225,12 @@ void App::watch_hil_peer() {
         restart_control(0);
     } else {
         leave_hil();
-        texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its link was closed"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: its link was closed"));
     }
 }
 
-/// By the board's clock, since the simulated one stands still meanwhile. In lockstep there is no other clock and no
-/// motor.
+/// Uses the board's clock, as the simulated one stands still meanwhile. Not in lockstep, which has no other clock and
+/// no motors.
 void App::watch_hil_silence() {
     if (!robot_.hil() || lockstep_) {
         return;
@@ -238,7 +238,7 @@ void App::watch_hil_silence() {
     const bool stop_waits = control_.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
     if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_patience_us : hil_patience_us)) {
         leave_hil();
-        texts_.say(MAV_SEVERITY_WARNING, Text().add("host-in-the-loop left: its host is silent"));
+        texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: no sensor messages"));
     }
 }
 
@@ -253,8 +253,8 @@ void App::take_report() {
     if (control_.fix_report.update()) {
         robot_.take(control_.fix_report.reading());
     }
-    robot_.show_refused_setpoint(setpoints_.refused());
-    robot_.show_streamed(setpoints_.streamed_kind());
+    robot_.set_setpoint_refused(setpoints_.refused());
+    robot_.set_streamed_kind(setpoints_.streamed_kind());
 }
 
 void App::hil_tick(const Frame &frame, size_t link) {
@@ -264,11 +264,11 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_link_ = link;
     hil_session_ = board_.ports[link]->session();
     hil_heard_us_ = board_.clock->now_us();
-    flush(); // what this tick reports must not depend on how the host's bytes were cut into packets
+    flush(); // this tick's reports must not depend on the packet boundaries of the host's data
     TickSensors sensors;
     hil_.take(frame, &sensors);
-    watch_overrun(&sensors);
-    button_.look_simulated(hil_.button_open());
+    update_overruns(&sensors);
+    button_.check_simulated(hil_.button_open());
     clock_.now_us = sensors.time_us;
     control_.tick(sensors, hil_.wires, *board_.clock);
     take_report();
@@ -277,8 +277,8 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_.answer(robot_.latest().outputs, links_[link]);
 }
 
-bool App::follows(const Sender &sender) {
-    if (!heartbeats_.stations.may_stream(sender, clock_.now_us)) {
+bool App::accepts_setpoints_of(const Sender &sender) {
+    if (!heartbeats_.stations.accepts_setpoints(sender, clock_.now_us)) {
         setpoints_.refuse_ended();
         return false;
     }
@@ -286,7 +286,7 @@ bool App::follows(const Sender &sender) {
 }
 
 bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
-    if (Setpoints::is_setpoint(frame) && !follows(sender)) {
+    if (Setpoints::is_setpoint(frame) && !accepts_setpoints_of(sender)) {
         return true;
     }
     switch (frame.id) {
@@ -308,7 +308,7 @@ bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
     return true;
 }
 
-bool App::dispatch_signs(const Frame &frame, const Sender &sender) {
+bool App::dispatch_fix_or_heartbeat(const Frame &frame, const Sender &sender) {
     switch (frame.id) {
     case MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE:
         pose_fixes_.on_vicon(frame);
@@ -320,9 +320,9 @@ bool App::dispatch_signs(const Frame &frame, const Sender &sender) {
         pose_fixes_.on_compact(frame);
         return true;
     case MAVLINK_MSG_ID_HEARTBEAT:
-        if (Heartbeats::is_of_station(frame)) {
-            meet(sender.link);
-            heartbeats_.heard(sender);
+        if (Heartbeats::is_ground_station(frame)) {
+            on_peer_reappeared(sender.link);
+            heartbeats_.record(sender);
         }
         return true;
     default:
@@ -360,61 +360,62 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
         telemetry_.on_request_data_stream(frame, sender);
         break;
     default:
-        if (!dispatch_setpoint(frame, sender) && !dispatch_signs(frame, sender) && !burst_log_.take(frame, sender)) {
+        if (!dispatch_setpoint(frame, sender) && !dispatch_fix_or_heartbeat(frame, sender) &&
+            !burst_log_.take(frame, sender)) {
             serve_small_protocols(links_, clock_, frame, sender);
         }
         break;
     }
 }
 
-/// Why it started is worth a word on each link, unless somebody switched it on or asked for it.
-void App::say_restart(size_t link) {
-    if (restart_said_[link]) {
+/// Report the reset cause on each link, unless it was power-on or a requested reset.
+void App::report_reset_cause(size_t link) {
+    if (reset_cause_reported_[link]) {
         return;
     }
-    restart_said_[link] = true;
+    reset_cause_reported_[link] = true;
     Watchdog &watchdog = *board_.watchdog;
     if (watchdog.reset_cause() == ResetCause::watchdog) {
-        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
+        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
     } else if (watchdog.reset_cause() == ResetCause::crash) {
-        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
+        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
     } else if (watchdog.reset_cause() == ResetCause::over_temperature) {
-        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
+        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
-        texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
+        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));
     }
 }
 
-/// An emergency stop that this program came up in is told to everybody who comes.
-void App::say_latch(size_t link) {
+/// Report an e-stop that was active at boot to each new peer.
+void App::report_stop_latch(size_t link) {
     if (robot_.state() != OMNI_STATE_ESTOP || stop_latch_.at_boot() == StopLatch::AtBoot::released) {
         return;
     }
     const bool known = stop_latch_.at_boot() == StopLatch::AtBoot::stopped;
-    texts_.say_on(link, MAV_SEVERITY_CRITICAL,
-                  Text().add(known ? "stopped since before the restart: release it"
-                                   : "stop memory unreadable: stopped until released"));
+    texts_.send_to(link, MAV_SEVERITY_CRITICAL,
+                   Text().add(known ? "stopped since before the restart: release it"
+                                    : "stop memory unreadable: stopped until released"));
 }
 
-/// Before a restart a stop that no tick has seen yet is kept, too: nothing moves then.
-void App::keep_stop() {
+/// Store the e-stop. Before a restart also one that no tick has processed yet.
+void App::store_stop() {
     const uint8_t state = robot_.state();
     const bool coming = control_.stopping(OMNI_EVENT_ESTOP);
     const bool stopped = state == OMNI_STATE_ESTOP || (robot_.reboot() && coming);
     const bool resting = state == OMNI_STATE_DISARMED && !coming && !robot_.armed();
     stop_latch_.serve(stopped, resting, robot_.reboot(), clock_.now_us);
-    if (stop_latch_.failed() && !latch_failure_said_) {
+    if (stop_latch_.failed() && !latch_failure_reported_) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: a restart may lift the stop"));
     }
-    latch_failure_said_ = stop_latch_.failed();
+    latch_failure_reported_ = stop_latch_.failed();
 }
 
 void App::serve() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         links_[i].refill(clock_.now_us);
     }
-    keep_stop();
+    store_stop();
     signing_service_.serve();
     status_texts_.serve();
     scan_.serve();
@@ -423,7 +424,7 @@ void App::serve() {
     telemetry_.serve();
     parameters_.serve();
     burst_log_.serve();
-    texts_.say_left_out();
+    texts_.report_suppressed();
 }
 
 void App::flush() {
@@ -432,7 +433,7 @@ void App::flush() {
     }
 }
 
-void App::show_state() {
+void App::update_status_light() {
     if (board_.light != nullptr) {
         const auto state = static_cast<omni_safety_state_t>(robot_.state());
         const bool ground_station = (robot_.latest().arming_faults & OMNI_FAULT_LINK_LOSS) == 0;
@@ -451,10 +452,10 @@ void App::background() {
     receive_all();
     watch_hil_silence();
     if (!robot_.hil() || hil_link_ == no_link) {
-        serve(); // once the world's time runs, every frame and every tick does
+        serve(); // in simulated time every frame and every tick serves instead
     }
     flush();
-    show_state();
+    update_status_light();
 }
 
 } // namespace omni

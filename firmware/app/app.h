@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file app.h  The firmware as a whole: composes the modules, owns the tick and the background loop.
+/// @file app.h  The application: composes the modules, runs the tick and the background loop.
 #pragma once
 
 #include <atomic>
@@ -35,78 +35,77 @@ namespace omni {
 
 class App final : private ParameterListener, private HilSwitch {
 public:
-    /// @param lockstep host-in-the-loop from the start and always: tick() is never called. @param board must outlive
-    /// the App.
+    /// @param lockstep hardware-in-the-loop from the start and always: tick() is never called. @param board must
+    /// outlive the App.
     App(const Board &board, bool lockstep);
 
     /// The control tick, 1 kHz, interrupt context.
     void tick();
     /// Serve the links; call as often as possible.
     void background();
-    /// A reboot was asked for and everything about it has been said.
+    /// A reboot was requested, and its acknowledgement has been sent.
     bool reboot_wanted() const { return robot_.reboot(); }
-    /// The host is in the loop and has sent sensors: the next ones are due as soon as it has had this tick's answer.
-    bool hosted() const { return robot_.hil() && hil_.heard(); }
-    /// It waits for that answer asleep.
+    /// Hardware-in-the-loop with sensor messages received: the next ones follow the answer to this tick.
+    bool uses_host_sensors() const { return robot_.hil() && hil_.has_sensors(); }
+    /// The host sleeps while it waits for that answer, so polling for its next message is useless.
     bool host_sleeps() const { return hil_.host_sleeps(); }
 
 private:
-    /// Who runs the control loop: the timer's tick, or (once it has let go) the background with the host in the loop.
+    /// Context that runs the control loop: the timer interrupt, or in hardware-in-the-loop the background.
     enum class Owner : uint8_t { timer, handing_over, background };
-    static constexpr size_t no_link = Board::max_ports;
 
     void parameters_changed() override;
     uint8_t switch_hil(bool enable, size_t link) override;
-    bool hil_silent() const override { return robot_.hil() && !hil_.heard(); }
+    bool hil_silent() const override { return robot_.hil() && !hil_.has_sensors(); }
 
-    // Functions of their own: what looks at the image's calls knows by them which may lead to a chip.
-    [[gnu::noinline]] void tell_gyro(int8_t axis) { board_.gyro_chip->use_axis(axis); }
+    // Not inlined: the call graph analysis of the image identifies the sensor chips' virtual calls by these callers.
+    [[gnu::noinline]] void set_gyro_axis(int8_t axis) { board_.gyro_chip->use_axis(axis); }
     [[gnu::noinline]] void read_gyro(TickSensors *sensors) {
         sensors->gyro_valid = board_.gyro_chip->read(sensors->time_us, sensors->gyro_rad_s);
     }
-    [[gnu::noinline]] void tell_flow(bool wanted) { board_.flow_chip->use(wanted); }
+    [[gnu::noinline]] void enable_flow_chip(bool wanted) { board_.flow_chip->use(wanted); }
     [[gnu::noinline]] void read_flow(TickSensors *sensors) {
-        const bool rests = rest_.look(sensors->counts, sensors->time_us);
+        const bool rests = rest_.update(sensors->counts, sensors->time_us);
         sensors->flow_valid = board_.flow_chip->read(sensors->time_us, sensors->flow_moved, rests);
     }
-    void watch_overrun(TickSensors *sensors);
+    void update_overruns(TickSensors *sensors);
     void update_owner();
     void restart_control(uint64_t now_us);
     uint8_t enter_hil(size_t link);
-    /// @return why host-in-the-loop cannot be entered from this link, or nullptr.
-    const char *hil_obstacle(size_t link) const;
+    /// @return why hardware-in-the-loop cannot be entered from this link, or nullptr.
+    const char *hil_refusal(size_t link) const;
     void leave_hil();
     void watch_hil_peer();
     void watch_hil_silence();
     bool handing_over() const;
     void receive_all();
     void receive(size_t link);
-    void take_frames(size_t link);
-    void say_restart(size_t link);
-    void say_latch(size_t link);
-    void keep_stop();
+    void process_frames(size_t link);
+    void report_reset_cause(size_t link);
+    void report_stop_latch(size_t link);
+    void store_stop();
     void greet(size_t link);
-    /// What is wrong, to somebody who has not heard it.
-    void tell_newcomer(size_t link);
-    /// Before a heartbeat counts: if it is a newcomer's on a link that was connected long ago, say what is wrong again.
-    void meet(size_t link);
+    /// Report active problems to a peer that has not received them yet.
+    void report_status_to_new_peer(size_t link);
+    /// Call before a heartbeat is processed: a peer behind a radio that was silent gets active problems again.
+    void on_peer_reappeared(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
     bool dispatch_setpoint(const Frame &frame, const Sender &sender);
-    /// Whether a set-point of this sender counts. If not, that is said.
-    bool follows(const Sender &sender);
-    /// Pose fixes and signs of life.
-    bool dispatch_signs(const Frame &frame, const Sender &sender);
+    /// May this sender stream setpoints? If not, the refusal is reported to it.
+    bool accepts_setpoints_of(const Sender &sender);
+    /// Dispatch pose fixes and heartbeats.
+    bool dispatch_fix_or_heartbeat(const Frame &frame, const Sender &sender);
     void attach_links();
-    void take_legacy_line(size_t link);
-    void take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender);
+    void process_legacy_line(size_t link);
+    void apply_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender);
     void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();
     void flush();
-    void show_state();
+    void update_status_light();
 
     Board board_;
-    MotorWires wires_; ///< the board's
+    MotorWires wires_; ///< the board's interfaces to the motors
     Links links_;
     RobotClock clock_;
     Texts texts_;
@@ -116,7 +115,7 @@ private:
     LegacyLine legacy_line_; ///< on the first radio
     Heartbeats heartbeats_;
     ButtonWatch button_;
-    RestWatch rest_; ///< for the sensor of motion over the floor
+    RestWatch rest_; ///< for the floor odometry sensor
     const bool lockstep_;
     Hil hil_;
     SigningService signing_service_;
@@ -134,19 +133,19 @@ private:
     Arming arming_;
     Commands commands_;
     std::atomic<Owner> owner_;
-    size_t line_link_ = no_link; ///< where set-point lines of the original robot are understood
-    size_t hil_link_ = no_link;
+    size_t line_link_ = no_link; ///< link on which setpoint lines of the original robot are parsed
+    size_t hil_link_ = no_link;  ///< link of the simulated world
     uint32_t hil_session_ = 0;
-    bool latch_failure_said_ = false;
-    uint64_t hil_heard_us_ = 0; ///< board's clock: the host's latest sensors, or when the loop began
+    bool latch_failure_reported_ = false;
+    uint64_t hil_heard_us_ = 0; ///< board clock: latest sensor message, or start of hardware-in-the-loop
     float rates_[Board::max_ports][3] = {};
     TickJitter jitter_;
     uint64_t last_tick_us_ = 0;
     uint32_t overruns_ = 0;
     uint32_t overruns_in_row_ = 0;
     uint32_t release_attempts_ = 0;
-    uint64_t greeted_us_[Board::max_ports] = {}; ///< when a link was greeted, or somebody new was met there
-    bool restart_said_[Board::max_ports] = {};
+    uint64_t greeted_us_[Board::max_ports] = {}; ///< last report of active problems to a new peer
+    bool reset_cause_reported_[Board::max_ports] = {};
 };
 
 } // namespace omni

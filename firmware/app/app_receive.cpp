@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
-/// What comes over the links: bytes, frames and the original robot's lines.
+/// Reception: bytes, frames and the original robot's lines.
 #include "app/app.h"
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/base/text.h"
 
 namespace omni {
 namespace {
 
-constexpr uint64_t greeting_us = 2'000'000; ///< whoever connects by cable or network sends a heartbeat before
+constexpr uint64_t greeting_us = 2'000'000; ///< a peer on a cable or network sends a heartbeat within this time
 
 } // namespace
 
@@ -17,26 +17,26 @@ void App::greet(size_t link) {
     trajectories_.forget(link);
     telemetry_.set_rates(link, parameters_.values());
     telemetry_.restart(link);
-    tell_newcomer(link);
+    report_status_to_new_peer(link);
 }
 
-void App::tell_newcomer(size_t link) {
+void App::report_status_to_new_peer(size_t link) {
     greeted_us_[link] = clock_.now_us;
-    say_restart(link);
-    say_latch(link);
+    report_reset_cause(link);
+    report_stop_latch(link);
     status_texts_.greet(link);
 }
 
-/// A radio is always connected. So what was said before somebody switched the other one on was said to nobody.
-OMNI_COLD void App::meet(size_t link) {
+/// A radio is always connected, so texts sent before the ground station's radio was switched on are lost.
+OMNI_COLD void App::on_peer_reappeared(size_t link) {
     const uint64_t now_us = clock_.now_us;
     const uint64_t heard_us = heartbeats_.stations.heard_us(link);
     const auto is_past = [now_us](uint64_t since_us, uint64_t us) {
         return now_us > since_us && now_us - since_us > us;
     };
     if ((heard_us == 0 || is_past(heard_us, Stations::away_us)) && is_past(greeted_us_[link], greeting_us)) {
-        restart_said_[link] = false;
-        tell_newcomer(link);
+        reset_cause_reported_[link] = false;
+        report_status_to_new_peer(link);
     }
 }
 
@@ -44,14 +44,14 @@ bool App::handing_over() const {
     return owner_.load(std::memory_order_acquire) == Owner::handing_over;
 }
 
-/// Takes bytes, not frames.
+/// Read bytes; frames are processed later.
 void App::receive(size_t link) {
-    if (!handing_over()) { // what comes next may be meant for host-in-the-loop: it waits a tick
+    if (!handing_over()) { // the next frames may be for hardware-in-the-loop: wait a tick
         links_[link].receive(board_.clock->stopwatch_ns());
     }
 }
 
-void App::take_frames(size_t link) {
+void App::process_frames(size_t link) {
     Link &channel = links_[link];
     if (handing_over()) {
         return;
@@ -67,26 +67,25 @@ void App::take_frames(size_t link) {
     while (!handing_over() && channel.next(&frame)) {
         const bool for_us = frame.target_system == 0 || frame.target_system == own;
         const bool for_component = frame.target_component == 0 || frame.target_component == MAV_COMP_ID_AUTOPILOT1;
-        // An echo. A station or a companion computer of the same number is another component: whoever chose that must
-        // still be heard.
+        // An echo of our own messages. A station with the same system id has another component id and is accepted.
         const bool by_us = frame.system == own && frame.component == MAV_COMP_ID_AUTOPILOT1;
         if (for_us && for_component && !by_us && channel.admits(frame)) {
-            texts_.set_asker(link);
+            texts_.set_requester(link);
             dispatch(frame, {link, frame.system, frame.component});
-            texts_.set_asker(Texts::nobody);
+            texts_.set_requester(no_link);
             if (robot_.hil() && frame.id != MAVLINK_MSG_ID_OMNI_HIL_SENSORS) {
-                serve(); // what is sent must depend on the frames, not on how often background() is called
+                serve(); // output must depend on the frames, not on the call rate of background()
             }
         }
     }
-    take_legacy_line(link);
+    process_legacy_line(link);
 }
 
-/// Refusals go to all links: who sends lines reads no MAVLink. The original robot's host sends nothing but lines: each
-/// is a sign of life too. None arms.
-OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
-    const bool counts = heartbeats_.stations.may_stream(sender, clock_.now_us);
-    heartbeats_.heard(sender);
+/// A line's sender does not read MAVLink, so refusals go to all links. Each line counts as a heartbeat, as the original
+/// robot's host sends nothing else. Lines never arm.
+OMNI_COLD void App::apply_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender) {
+    const bool counts = heartbeats_.stations.accepts_setpoints(sender, clock_.now_us);
+    heartbeats_.record(sender);
     if (!counts) {
         setpoints_.refuse_ended();
         return;
@@ -97,15 +96,15 @@ OMNI_COLD void App::take_legacy_setpoint(const LegacySetpoint &setpoint, const S
     }
 }
 
-void App::take_legacy_line(size_t link) {
+void App::process_legacy_line(size_t link) {
     LegacySetpoint setpoint;
     if (link == line_link_ && legacy_line_.take(&setpoint)) {
-        take_legacy_setpoint(setpoint, Sender{link}); // a line names no sender
+        apply_legacy_setpoint(setpoint, Sender{link}); // a line has no sender id
     }
 }
 
-/// The bytes of the world's link are read first and its frames taken last. What another link was sent before a tick's
-/// sensors acts in that tick. So a stop does.
+/// Read the simulator's link first and process its frames last, so that frames on other links that were sent before a
+/// tick's sensors, such as stops, act in that tick.
 void App::receive_all() {
     const size_t world = robot_.hil() ? hil_link_ : no_link;
     if (world != no_link) {
@@ -114,11 +113,11 @@ void App::receive_all() {
     for (size_t i = 0; i < board_.port_count; ++i) {
         if (i != world) {
             receive(i);
-            take_frames(i);
+            process_frames(i);
         }
     }
     if (world != no_link) {
-        take_frames(world);
+        process_frames(world);
     }
 }
 

@@ -26,7 +26,7 @@ typedef struct lanes_t {
 static __thread hil_lanes_stats_t stats_of_thread;
 static volatile hil_lanes_level_t level = HIL_LANES_BEST;
 
-void hil_lanes_use(hil_lanes_level_t wanted) {
+void hil_lanes_set_level(hil_lanes_level_t wanted) {
     level = wanted;
 }
 
@@ -76,7 +76,7 @@ static bool pack_member(const hil_layout_t *layout, hil_run_t *const runs[HIL_LA
 }
 
 static const omni_trajectory_t *trajectory_of(const hil_run_t *run, bool offered) {
-    return offered ? run->inputs.trajectory : run->robot.guide.trajectory;
+    return offered ? run->inputs.trajectory : run->robot.reference_generator.trajectory;
 }
 
 /* Plans that the robots follow, or that their inputs offer. @return false if some have one and some don't. */
@@ -119,7 +119,7 @@ static bool pack(lanes_t *lanes, hil_run_t *const runs[HIL_LANES]) {
         core->offer(lanes->live.inputs, trajectory_of(runs[0], true) == NULL ? NULL : &lanes->offered);
         stats_of_thread.packed++;
     } else {
-        stats_of_thread.refused++;
+        stats_of_thread.pack_failures++;
     }
     return packed;
 }
@@ -147,7 +147,8 @@ static void unpack(const lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint6
     unpack_member(&core->inputs, runs, offsetof(hil_run_t, inputs), lanes->live.inputs);
     unpack_member(&core->outputs, runs, offsetof(hil_run_t, outputs), lanes->live.outputs);
     for (int lane = 0; lane < HIL_LANES; lane++) {
-        runs[lane]->robot.guide.trajectory = plans == NULL ? NULL : (const omni_trajectory_t *)plans->plan[lane];
+        runs[lane]->robot.reference_generator.trajectory =
+            plans == NULL ? NULL : (const omni_trajectory_t *)plans->plan[lane];
         runs[lane]->ticks += repeats(runs, lane) ? 0 : ticks;
     }
 }
@@ -177,8 +178,8 @@ static uint64_t together(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint6
         if (got < stride) {
             restore(lanes, runs, done);
             (void)lanes->how->advance(&lanes->live, got);
-            stats_of_thread.parted++;
-            stats_of_thread.again += got + 1;
+            stats_of_thread.divergences++;
+            stats_of_thread.repeated_ticks += got + 1;
             return done + got;
         }
         done += stride;
@@ -192,7 +193,7 @@ static void each_alone(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
             hil_run_advance(runs[lane], ticks);
         }
     }
-    stats_of_thread.alone += ticks;
+    stats_of_thread.scalar_ticks += ticks;
 }
 
 /* @return ticks that all of them go alone before lanes are tried again. */
@@ -210,7 +211,7 @@ static uint64_t advance(lanes_t *lanes, hil_run_t *const runs[HIL_LANES], uint64
         if (pack(lanes, runs)) {
             const uint64_t got = together(lanes, runs, ticks - done);
             unpack(lanes, runs, got);
-            stats_of_thread.together += got;
+            stats_of_thread.lane_ticks += got;
             done += got;
             alone = got > 0 ? 0 : alone;
             least = 1;
@@ -234,7 +235,7 @@ uint64_t hil_lanes_advance(hil_run_t *const runs[HIL_LANES], uint64_t ticks) {
     if (level == HIL_LANES_NONE || !open_lanes(&lanes)) {
         return 0;
     }
-    (void)hil_lanes_take_parted();
+    (void)hil_lanes_take_diverged();
     const uint64_t done = advance(&lanes, runs, ticks);
     free(lanes.block);
     return done;

@@ -25,11 +25,11 @@ namespace core {
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference) {
     const auto *plans = reinterpret_cast<const hil_lanes_plans_t *>(plan);
     if (plans->packed && !hil_lanes_plans_are_one(plans, time_us)) {
-        const bool before = hil_lanes_take_parted();
+        const bool before = hil_lanes_take_diverged();
         evaluate_together(reinterpret_cast<const omni_trajectory_t *>(plans->lanes), time_us, reference);
-        const bool parted = hil_lanes_take_parted();
+        const bool parted = hil_lanes_take_diverged();
         if (before) {
-            hil_lanes_part();
+            hil_lanes_diverge();
         }
         if (!parted) {
             return;
@@ -55,11 +55,12 @@ void tick(void *robot, const void *inputs, void *outputs) {
 void connect(void *robot, const void *config, hil_lanes_plans_t *plans) {
     auto *lanes = static_cast<omni_robot_t *>(robot);
     lanes->config = static_cast<const omni_robot_config_t *>(config);
-    lanes->guide.trajectory = packed(plans);
+    lanes->reference_generator.trajectory = packed(plans);
 }
 
 const hil_lanes_plans_t *plans_of(const void *robot) {
-    return reinterpret_cast<const hil_lanes_plans_t *>(static_cast<const omni_robot_t *>(robot)->guide.trajectory);
+    return reinterpret_cast<const hil_lanes_plans_t *>(
+        static_cast<const omni_robot_t *>(robot)->reference_generator.trajectory);
 }
 
 void offer(void *inputs, hil_lanes_plans_t *plans) {

@@ -25,7 +25,7 @@ typedef struct hil_lanes_core_t {
     hil_layout_t config;  /**< omni_robot_config_t */
     hil_layout_t inputs;  /**< omni_inputs_t */
     hil_layout_t outputs; /**< omni_outputs_t */
-    /** One tick of all eight. Whatever it computed is worthless if hil_lanes_take_parted (divergence.h) says so
+    /** One tick of all eight. Whatever it computed is worthless if hil_lanes_take_diverged (divergence.h) says so
      * afterwards. */
     void (*tick)(void *robot, const void *inputs, void *outputs);
     /** Set a packed robot's pointers: configuration in lanes, plans being followed or NULL. */

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file divergence.h
- * Eight runs in lanes share one flow of control. Where they would part, a flag of the thread is set and the flow
- * follows lane 0. What was computed since the flag was last taken is then worthless. It must be done again, run by run.
+ * @file divergence.h Divergence of lanes: eight runs share one control flow. Where a condition differs between lanes, a
+ * thread-local flag is set and control follows lane 0. Everything computed since the flag was last taken is then
+ * invalid and must be repeated run by run.
  */
 #ifndef HIL_LANES_DIVERGENCE_H
 #define HIL_LANES_DIVERGENCE_H
@@ -13,11 +13,11 @@
 extern "C" {
 #endif
 
-/** The lanes part here. */
-__attribute__((cold, noinline)) void hil_lanes_part(void);
+/** Report a divergence. */
+__attribute__((cold, noinline)) void hil_lanes_diverge(void);
 
-/** Have they parted since the last call? Clears the flag. */
-bool hil_lanes_take_parted(void);
+/** Has a divergence been reported since the last call? Clears the flag. */
+bool hil_lanes_take_diverged(void);
 
 #ifdef __cplusplus
 }

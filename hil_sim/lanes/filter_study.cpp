@@ -6,9 +6,9 @@
 #include <cstdlib>
 
 #include "../src/filter_study_lanes.h"
+#include "bit_access.hpp"
 #include "divergence.h"
 #include "filters.hpp"
-#include "words.hpp"
 
 namespace { // NOLINT(cert-dcl59-cpp): each CPU level has its own copy
 namespace core {
@@ -39,19 +39,19 @@ constexpr uint32_t steps_per_look = 1024;
 RUN_IN_ONE
 bool run_all(hil_filter_run_t *run, const hil_filter_config_t *config, const double *reference, const double *rate,
              const omni_uint_t *seed) {
-    (void)hil_lanes_take_parted();
+    (void)hil_lanes_take_diverged();
     if (!hil_filter_begin(run, config, reference, seed)) {
         return false;
     }
     for (uint32_t step = 0; step < config->steps; ++step) {
         hil_real_t fix[3];
         hil_filter_step(run, config, reference, rate, step, fix);
-        if (step % steps_per_look == 0 && hil_lanes_take_parted()) {
+        if (step % steps_per_look == 0 && hil_lanes_take_diverged()) {
             return false;
         }
     }
     hil_filter_end(run);
-    return !hil_lanes_take_parted();
+    return !hil_lanes_take_diverged();
 }
 
 /* Lane by lane: sums are nothing but numbers. */

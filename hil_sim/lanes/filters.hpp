@@ -30,8 +30,8 @@ namespace core {
 #include "estimate/pose_ekf.c"
 #include "estimate/pose_ekf_correct.c"
 #include "estimate/pose_ekf_flow.c"
+#include "estimate/pose_ekf_gyro.c"
 #include "estimate/pose_ekf_history.c"
-#include "estimate/pose_ekf_turn.c"
 #include "math/math.c"
 #include "model/kinematics.c"
 

@@ -41,7 +41,7 @@ public:
     LANES_INLINE operator bool() const {
         const unsigned set = bits();
         if (__builtin_expect(set != 0 && set != everywhere, 0)) {
-            hil_lanes_part();
+            hil_lanes_diverge();
             return (set & 1u) != 0;
         }
         return set != 0;
@@ -108,7 +108,7 @@ public:
     template <typename S, std::enable_if_t<std::is_arithmetic_v<S> && !std::is_same_v<S, bool>, int> = 0>
     LANES_INLINE explicit operator S() const {
         if (!same()) {
-            hil_lanes_part();
+            hil_lanes_diverge();
         }
         return static_cast<S>(get(0));
     }

@@ -52,7 +52,7 @@ uint64_t advance(const hil_lanes_group_t *group, uint64_t ticks) {
         hil_in_process_tick(world, robot, inputs, outputs);
         hil_metrics_tick(metrics, world, outputs);
         hil_in_process_step(world);
-        if (hil_lanes_take_parted()) {
+        if (hil_lanes_take_diverged()) {
             return tick;
         }
     }

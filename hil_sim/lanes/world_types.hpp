@@ -67,7 +67,7 @@ inline hil_real_t hil_normal(const hil_seed_t &seed, uint32_t stream, uint64_t i
 /* A vector's conversion ends at 32 bits where C's goes on and wraps. */
 inline hil_int_t hil_count_on(hil_int_t count, hil_real_t edges) {
     if (!lanes::all(lanes::abs(edges) < 0x1p31)) {
-        hil_lanes_part();
+        hil_lanes_diverge();
     }
     return hil_int_t(lanes::uint_t(count) + lanes::uint_t(hil_int_t(edges)));
 }

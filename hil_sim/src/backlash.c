@@ -14,7 +14,7 @@
 #include "motion.h"
 
 /* A wheel whose gear is meshed has its motor's inertia, torque and friction; a free one has none of them. */
-static void hil_backlash_contact(const hil_world_t *world, hil_contact_t *c, hil_own_t *own) {
+static void hil_backlash_contact(const hil_world_t *world, hil_contact_t *c, hil_wheel_params_t *own) {
     const hil_plant_t *plant = &world->plant;
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t meshed = world->mesh[i] * world->mesh[i];
@@ -99,9 +99,9 @@ static void hil_backlash_substep(hil_world_t *world, const hil_electrics_t *elec
                                  hil_motion_t *y, double step_s) {
     const hil_motion_t before = *y;
     hil_contact_t c = *contact;
-    hil_own_t own;
+    hil_wheel_params_t own;
     hil_backlash_contact(world, &c, &own);
-    hil_contact_own_substep(world, electrics, &c, &own, y);
+    hil_contact_wheel_substep(world, electrics, &c, &own, y);
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t free = 1.0 - world->mesh[i] * world->mesh[i];
         const hil_real_t motor_before = hil_select(free > 0.0, world->motor_rad_s[i], before.w[i]);
@@ -120,10 +120,10 @@ void hil_backlash_init(hil_plant_t *plant, const hil_world_config_t *config) {
 }
 
 void hil_backlash_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
-    hil_march(world, electrics, step_s, NULL, hil_backlash_substep);
+    hil_integrate_substeps(world, electrics, step_s, NULL, hil_backlash_substep);
 }
 
-void hil_backlash_held(hil_world_t *world, uint32_t wheel, hil_real_t moved_rad) {
+void hil_backlash_shift(hil_world_t *world, uint32_t wheel, hil_real_t moved_rad) {
     const double half = 0.5 * world->config.backlash_rad;
     const hil_real_t mesh = world->mesh[wheel];
     const hil_real_t gap = world->gap_rad[wheel] - (1.0 - mesh * mesh) * moved_rad;

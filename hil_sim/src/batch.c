@@ -24,7 +24,7 @@ typedef struct block_t {
 
 static void without_figures(hil_figures_t *row, const hil_player_t *player) {
     static const hil_metrics_t nothing = {.milestones = {.done_us = UINT64_MAX}};
-    hil_figures_of(row, &nothing, player->scenario->world->wheels);
+    hil_figures_from_metrics(row, &nothing, player->scenario->world->wheels);
     row->faults = player->status == HIL_RUN_ARMING ? (uint32_t)player->detail : 0;
 }
 
@@ -32,7 +32,7 @@ static void finish(const slot_t *slot, hil_figures_t *row) {
     row->status = slot->player.status;
     row->ticks = slot->player.status == HIL_RUN_WORLD ? 0 : slot->run.ticks;
     if (row->status == HIL_RUN_OK) {
-        hil_figures_of(row, &slot->run.metrics, slot->run.world.config.wheels);
+        hil_figures_from_metrics(row, &slot->run.metrics, slot->run.world.config.wheels);
     } else {
         without_figures(row, &slot->player);
     }
@@ -88,7 +88,7 @@ static void look(block_t *block, uint32_t runs, uint64_t piece, hil_figures_t *r
         }
         slot->left -= piece;
         if (slot->left == 0) {
-            hil_player_look(&slot->player);
+            hil_player_update(&slot->player);
             go_on(slot, &rows[i]);
         }
     }

@@ -30,7 +30,7 @@ static hil_real_t let_die(const hil_world_t *world, const hil_motion_t *y, uint3
     return hil_drv8871_freewheel(&winding, world->supply_V, time_s, current_A);
 }
 
-static void open_bridge(hil_world_t *world, hil_limited_t *now, hil_motion_t *y, uint32_t i, double step_s) {
+static void open_bridge(hil_world_t *world, hil_limited_electrics_t *now, hil_motion_t *y, uint32_t i, double step_s) {
     const hil_real_t on = hil_select(world->bridge_rest_s[i] > 0.5 * step_s, 0.0, 1.0 - world->bridge_off[i]);
     hil_real_t end_A = y->i[i];
     const hil_real_t mean_A = let_die(world, y, i, step_s, &end_A);
@@ -44,8 +44,8 @@ static void open_bridge(hil_world_t *world, hil_limited_t *now, hil_motion_t *y,
     world->bridge_rest_s[i] = hil_max(world->bridge_rest_s[i] - step_s, 0.0);
 }
 
-void hil_limits_begin(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s,
-                      hil_limited_t *now) {
+void hil_limits_before_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s,
+                               hil_limited_electrics_t *now) {
     now->electrics = *electrics;
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         open_bridge(world, now, y, i, step_s);
@@ -56,7 +56,7 @@ void hil_limits_begin(hil_world_t *world, const hil_electrics_t *electrics, hil_
     }
 }
 
-static void trip(hil_world_t *world, const hil_limited_t *now, hil_motion_t *y, uint32_t i, double step_s) {
+static void trip(hil_world_t *world, const hil_limited_electrics_t *now, hil_motion_t *y, uint32_t i, double step_s) {
     const double most_A = world->config.bridge_overcurrent_A;
     const hil_real_t before_A = hil_min(hil_abs(now->begin_A[i]), most_A);
     const hil_real_t rise_A = hil_max(hil_abs(y->i[i]) - before_A, LEAST_A);
@@ -84,7 +84,7 @@ static void warm_up(hil_world_t *world, const hil_motion_t *y, uint32_t i, doubl
 }
 
 /* The currents at the substep's end decide: so it does not swing up. */
-static void drain(hil_world_t *world, const hil_limited_t *now, const hil_motion_t *y, hil_real_t battery_V,
+static void drain(hil_world_t *world, const hil_limited_electrics_t *now, const hil_motion_t *y, hil_real_t battery_V,
                   double step_s) {
     hil_real_t load_A = 0.0;
     for (uint32_t i = 0; i < world->config.wheels; i++) {
@@ -94,8 +94,8 @@ static void drain(hil_world_t *world, const hil_limited_t *now, const hil_motion
     world->source_V = hil_max(hil_min(now->electrics.battery_V + change_V, battery_V), 0.0);
 }
 
-void hil_limits_end(hil_world_t *world, const hil_electrics_t *electrics, hil_limited_t *now, hil_motion_t *y,
-                    double step_s) {
+void hil_limits_after_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_limited_electrics_t *now,
+                              hil_motion_t *y, double step_s) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         if (world->config.bridge_overcurrent_A > 0.0) {
             trip(world, now, y, i, step_s);

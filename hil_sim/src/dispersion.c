@@ -30,7 +30,8 @@ static double deviation_of(const hil_dispersion_t *d, uint64_t seed, uint32_t el
                                             : d->a + (d->b - d->a) * hil_uniform(seed, d->stream, element);
 }
 
-void hil_disperse(hil_world_config_t *config, const hil_dispersion_t *dispersion, uint32_t count, uint64_t seed) {
+void hil_apply_dispersion(hil_world_config_t *config, const hil_dispersion_t *dispersion, uint32_t count,
+                          uint64_t seed) {
     for (const hil_dispersion_t *d = dispersion; d < dispersion + count; d++) {
         for (uint32_t element = 0; element < d->count; element++) {
             char *at = (char *)config + d->offset + element * sizeof(double);

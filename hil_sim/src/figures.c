@@ -37,7 +37,7 @@ static void effort_of(hil_figures_t *f, const hil_metrics_t *m, uint32_t wheels)
     f->chatter = duty <= 0.0 ? 0.0 : change / duty;
 }
 
-void hil_figures_of(hil_figures_t *figures, const hil_metrics_t *metrics, uint32_t wheels) {
+void hil_figures_from_metrics(hil_figures_t *figures, const hil_metrics_t *metrics, uint32_t wheels) {
     figures->faults = metrics->faults;
     figures->completed = metrics->milestones.done_us != UINT64_MAX ? 1.0 : 0.0;
     errors_of(figures, metrics, metrics->path_ticks > 0 ? (double)metrics->path_ticks : (double)NAN);

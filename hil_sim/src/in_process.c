@@ -12,7 +12,7 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors) {
     inputs->time_us = sensors->time_us;
     take_readings(inputs, sensors);
     const bool failed = sensors->i2c_status != 0;
-    inputs->driver_failures = failed ? omni_more_failures(inputs->driver_failures, 1) : 0;
+    inputs->driver_failures = failed ? omni_add_failures(inputs->driver_failures, 1) : 0;
     inputs->events |= sensors->stop_button ? (uint32_t)OMNI_EVENT_ESTOP : 0u;
     inputs->has_fix = sensors->has_fix && !sensors->link_silent;
     if (inputs->has_fix) {
@@ -27,7 +27,7 @@ static void take_sensors(omni_inputs_t *inputs, const hil_sensors_t *sensors) {
 /* The pin as the firmware sets it. */
 static void enable(hil_world_t *world, const omni_inputs_t *inputs, const omni_outputs_t *outputs) {
     const bool was_on = !world->chip.output_enable_high;
-    const bool on = omni_motor_power(outputs->drive, was_on, inputs->driver_failures);
+    const bool on = omni_may_power_motors(outputs->drive, was_on, inputs->driver_failures);
     hil_world_output_enable(world, on ? HIL_OE_ON : HIL_OE_OFF);
 }
 

@@ -72,7 +72,7 @@ static uint32_t sensors_frame(hil_lockstep_t *link, mavlink_status_t *status, co
     return mavlink_msg_to_send_buffer(bytes, &frame);
 }
 
-static hil_result_t send_sensors(hil_lockstep_t *link, const hil_sensors_t *sensors, int64_t deadline_us) {
+static hil_result_t write_sensors(hil_lockstep_t *link, const hil_sensors_t *sensors, int64_t deadline_us) {
     uint8_t bytes[2 * MAVLINK_MAX_PACKET_LEN];
     uint32_t length = 0;
     mavlink_status_t status = {.current_tx_seq = link->frame_sequence};
@@ -187,9 +187,9 @@ static void drop_false_start(hil_lockstep_t *link, answer_t *answer) {
 static hil_result_t read_some(hil_lockstep_t *link, int64_t deadline_us) {
     uint32_t got = 0;
     const uint32_t room = HIL_LOCKSTEP_INPUT - link->input_length;
-    omni_patience_t *patience = is_paced(link) ? NULL : &link->waiting.patience;
+    omni_poll_backoff_t *poll_backoff = is_paced(link) ? NULL : &link->waiting.poll_backoff;
     const hil_result_t result =
-        hil_wire_read(link->fd, patience, link->input + link->input_length, room, deadline_us, &got);
+        hil_wire_read(link->fd, poll_backoff, link->input + link->input_length, room, deadline_us, &got);
     link->input_length += got;
     return result;
 }
@@ -303,7 +303,7 @@ static void pace(hil_lockstep_t *link, const hil_world_t *world) {
 }
 
 /* A tick's first half: the robot gets its sensors. */
-static hil_result_t ask(hil_lockstep_t *link, hil_world_t *world) {
+static hil_result_t send_sensors(hil_lockstep_t *link, hil_world_t *world) {
     hil_sensors_t sensors;
     if (link->serve_ticks != 0 && link->ticks % link->serve_ticks == 0) {
         hil_lockstep_serve(link);
@@ -316,13 +316,13 @@ static hil_result_t ask(hil_lockstep_t *link, hil_world_t *world) {
         hil_waiting_turn(&link->waiting, now_us);
     }
     link->deadline_us = now_us + (int64_t)(link->timeout_s * 1e6);
-    const hil_result_t result = send_sensors(link, &sensors, link->deadline_us);
+    const hil_result_t result = write_sensors(link, &sensors, link->deadline_us);
     link->sequence += result == HIL_OK ? 0u : 1u; /* what was half sent is not sent again */
     return result;
 }
 
 /* Its second half: what the robot answers drives the chip and the bridges. The step is left. */
-static hil_result_t obey(hil_lockstep_t *link, hil_world_t *world, hil_record_t *record) {
+static hil_result_t apply_actuators(hil_lockstep_t *link, hil_world_t *world, hil_record_t *record) {
     answer_t answer = {.arrived = false};
     hil_result_t result = await_answer(link, link->deadline_us, &answer);
     link->sequence++;
@@ -341,9 +341,9 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
                               uint64_t *done) {
     hil_result_t result = HIL_OK;
     for (*done = 0; *done < ticks && has_room(link); ++*done) {
-        result = ask(link, world);
+        result = send_sensors(link, world);
         if (result == HIL_OK) {
-            result = obey(link, world, record);
+            result = apply_actuators(link, world, record);
         }
         if (result != HIL_OK) {
             return result;
@@ -354,13 +354,13 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
     return result;
 }
 
-hil_result_t hil_lockstep_ask(hil_lockstep_t *link, hil_world_t *electronics, bool *asked) {
+hil_result_t hil_lockstep_send_sensors(hil_lockstep_t *link, hil_world_t *electronics, bool *asked) {
     *asked = has_room(link);
-    return *asked ? ask(link, electronics) : HIL_OK;
+    return *asked ? send_sensors(link, electronics) : HIL_OK;
 }
 
-hil_result_t hil_lockstep_take(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record) {
-    const hil_result_t result = obey(link, electronics, record);
+hil_result_t hil_lockstep_apply_actuators(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record) {
+    const hil_result_t result = apply_actuators(link, electronics, record);
     if (result == HIL_OK) {
         link->ticks++;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** @file parts.h  What the parts of the world offer each other. */
+/** @file parts.h  Internal interfaces of the simulated world. */
 #ifndef HIL_SIM_PARTS_H
 #define HIL_SIM_PARTS_H
 
@@ -36,7 +36,7 @@ typedef struct hil_electrics_t {
     hil_real_t offset_V[HIL_MAX_WHEELS];
     hil_real_t closed[HIL_MAX_WHEELS]; /**< 1: the winding is connected, 0: open */
     hil_real_t battery_V;
-    hil_real_t drive[HIL_MAX_WHEELS]; /**< share of the motor current that the battery sees */
+    hil_real_t drive[HIL_MAX_WHEELS]; /**< fraction of the motor current drawn from the battery */
 } hil_electrics_t;
 
 /* config.c */
@@ -45,9 +45,9 @@ hil_result_t hil_config_check(const hil_world_config_t *config, char *why, uint3
 /* plant.c */
 void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config);
 /** Can this plant be driven by this source? */
-bool hil_plant_takes(uint32_t plant, uint32_t source);
-/** Drive the wheels by this source from now on. */
-void hil_plant_source(hil_world_t *world, uint32_t source);
+bool hil_plant_accepts_source(uint32_t plant, uint32_t source);
+/** Select the source that drives the wheels. */
+void hil_plant_set_source(hil_world_t *world, uint32_t source);
 void hil_plant_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s);
 
 /* motors.c */
@@ -56,18 +56,18 @@ void hil_motors_begin(hil_world_t *world, hil_electrics_t *electrics, double ste
 void hil_motors_end(hil_world_t *world, const hil_electrics_t *electrics, const hil_real_t *open_end_A);
 
 /* sensors.c */
-/** A step has moved the world; time and faults are still those at its start. */
+/** Integrate counters after a step; time and faults are those at its start. */
 void hil_sensors_integrate(hil_world_t *world);
-/** Time and faults are those of now. */
+/** Sample the sensors; time and faults are current. */
 void hil_sensors_sample(hil_world_t *world);
 
 /* sensor_encoders.c */
-/** The wheel's disc has passed so many edges since the start, a whole number, positive: counter-clockwise. */
-void hil_encoders_pass(hil_world_t *world, uint32_t wheel, hil_real_t edges);
+/** Set the encoder edges since the start, an integer, positive: counter-clockwise. */
+void hil_encoders_set_edges(hil_world_t *world, uint32_t wheel, hil_real_t edges);
 
 /* sensor_pose.c */
-/** A pose sensor outside has a fix that arrives now. @param pose x, y, theta. */
-void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose);
+/** Queue a fix of an external pose sensor that arrives now. @param pose x, y, theta. */
+void hil_pose_queue_fix(hil_world_t *world, uint64_t taken_us, const double *pose);
 
 /** A motor's speed, as seen at the wheel: the wheel's, unless the gear has play. */
 static inline hil_real_t hil_motor_rad_s(const hil_world_t *world, uint32_t wheel) {
@@ -75,21 +75,21 @@ static inline hil_real_t hil_motor_rad_s(const hil_world_t *world, uint32_t whee
 }
 
 /* backlash.c */
-/** Something outside moved the wheel by so much more than the plant did, and gave it wheel_rad_s. Plants with play. */
-void hil_backlash_held(hil_world_t *world, uint32_t wheel, hil_real_t moved_rad);
+/** Shift the gear's state after an external rotation of a wheel (fault wheel_turned). Plants with backlash. */
+void hil_backlash_shift(hil_world_t *world, uint32_t wheel, hil_real_t moved_rad);
 
 /* slip.c */
 void hil_slip_init(hil_world_t *world);
-/** Slip ratios of a time. */
+/** Update the slip ratios at a time. */
 void hil_slip_update(hil_world_t *world, double time_s);
-/** Slip speeds of the step that begins now. */
-void hil_slip_hold(hil_world_t *world);
+/** Draw the slip speeds of the next step. */
+void hil_slip_draw_speeds(hil_world_t *world);
 
 /* faults.c */
-/** Which kinds act at this time; to be called whenever the time has changed. */
+/** Update the active faults; call after each change of the time. */
 void hil_faults_update(hil_world_t *world);
 const hil_fault_t *hil_fault_search(const hil_world_t *world, uint8_t kind, uint32_t wheel);
-/** What the robot takes for the time. */
+/** Robot's clock, with clock faults. */
 uint64_t hil_robot_clock_us(const hil_world_t *world);
 /** Bits of i2c_status that faults of the bus set. */
 uint8_t hil_bus_fault(const hil_world_t *world);
@@ -105,7 +105,7 @@ static inline hil_real_t hil_fault_value(const hil_world_t *world, uint8_t kind,
     return fault != NULL ? (hil_real_t)fault->value : otherwise;
 }
 
-/** What a bridge does, as the levels of IN1 (bit 0) and IN2 (bit 1) that make one with these inputs do it. */
+/** State of a bridge, coded as levels of IN1 (bit 0) and IN2 (bit 1). */
 typedef enum hil_bridge_action_t {
     HIL_BRIDGE_COAST = 0,
     HIL_BRIDGE_FORWARD = 1,
@@ -113,7 +113,7 @@ typedef enum hil_bridge_action_t {
     HIL_BRIDGE_BRAKE = 3
 } hil_bridge_action_t;
 
-/** What a motor driver's bridges do, by its number in hil_driver_t; `motor_drivers` in shared/params.toml. */
+/** Truth table of a motor driver's bridges (hil_driver_t); from `motor_drivers` in shared/params.toml. */
 typedef struct hil_driver_rule_t {
     bool on_pins;      /**< of the processor; otherwise behind the PWM chip, and the rest is of no effect */
     uint8_t low;       /**< hil_bridge_action_t while both pins are low: coast or brake */
@@ -124,13 +124,13 @@ typedef struct hil_driver_rule_t {
 /* world_step.c */
 /** Whether the chip takes OE for high. @param drive hil_output_enable_t */
 bool hil_output_enable_high(const hil_world_config_t *config, uint8_t drive);
-/** The motors hang on a PWM chip, not on the processor's pins. */
+/** Are the motors driven by a PWM chip, not by the processor's pins? */
 bool hil_has_chip(const hil_world_t *world);
 /** Every pin low. */
 void hil_bridges_init(hil_world_t *world);
-/** A chip without power drives nothing and wakes up with its power-up registers. */
-void hil_chip_starve(hil_world_t *world);
-/** Take over the inputs: those set directly, or the chip's outputs. */
-void hil_bridges_follow(hil_world_t *world, bool direct);
+/** Power loss of the PWM chip: outputs off, registers reset. */
+void hil_chip_power_loss(hil_world_t *world);
+/** Apply bridge inputs: those set directly, or the chip's outputs. */
+void hil_bridges_apply_inputs(hil_world_t *world, bool direct);
 
 #endif

@@ -12,7 +12,7 @@ const hil_plant_model_t *hil_plant_model(uint32_t plant) {
     return HIL_PLANTS[plant];
 }
 
-void hil_plant_source(hil_world_t *world, uint32_t source) {
+void hil_plant_set_source(hil_world_t *world, uint32_t source) {
     const hil_plant_model_t *model = hil_plant_model(world->config.plant);
     world->source = source;
     if (model->source != NULL) {
@@ -79,16 +79,16 @@ void hil_motion_store(hil_world_t *world, const hil_motion_t *y, const hil_real_
 /* With electrics of its own. */
 static void limited_substep(hil_world_t *world, const hil_electrics_t *electrics, hil_motion_t *y, double step_s,
                             hil_substep_t *substep) {
-    hil_limited_t now;
+    hil_limited_electrics_t now;
     hil_contact_t contact;
-    hil_limits_begin(world, electrics, y, step_s, &now);
+    hil_limits_before_substep(world, electrics, y, step_s, &now);
     hil_contact_begin(&contact, world, &now.electrics, step_s);
     substep(world, &now.electrics, &contact, y, step_s);
-    hil_limits_end(world, electrics, &now, y, step_s);
+    hil_limits_after_substep(world, electrics, &now, y, step_s);
 }
 
-void hil_march(hil_world_t *world, const hil_electrics_t *electrics, double step_s,
-               void (*fit)(const hil_world_t *world, hil_motion_t *y), hil_substep_t *substep) {
+void hil_integrate_substeps(hil_world_t *world, const hil_electrics_t *electrics, double step_s,
+                            void (*fit)(const hil_world_t *world, hil_motion_t *y), hil_substep_t *substep) {
     const int substeps = 1 + (int)((step_s - 1e-9) / SUBSTEP_MAX_s);
     const double substep_s = step_s / substeps;
     hil_real_t cos_sin[2];

@@ -11,7 +11,7 @@
  * of the body. They are solved in newtons: k->v is mass times rate until then.
  *
  * Everything is unrolled over the n wheels, 3 or 4. It is compiled once more for wheels with numbers of their own
- * (hil_own_t): other runs do not pay for them. */
+ * (hil_wheel_params_t): other runs do not pay for them. */
 #include <string.h>
 
 #include "motion.h"
@@ -85,7 +85,8 @@ HIL_INLINE hil_real_t supply_V(const hil_world_t *world, const hil_electrics_t *
 }
 
 HIL_INLINE void wheel_rates(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                            const hil_own_t *own, const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
+                            const hil_wheel_params_t *own, const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate,
+                            int n) {
     const hil_world_config_t *config = &world->config;
     const hil_plant_t *plant = &world->plant;
     for (int i = 0; i < n; i++) {
@@ -124,15 +125,16 @@ HIL_INLINE void body_forces(const hil_world_t *world, const hil_motion_t *y, con
 }
 
 HIL_INLINE void rates(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                      const hil_own_t *own, const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate, int n) {
+                      const hil_wheel_params_t *own, const hil_motion_t *y, slopes_t *slopes, hil_motion_t *rate,
+                      int n) {
     wheel_forces(world, c, y, slopes, n);
     slopes->supply_V = supply_V(world, electrics, y, n);
     wheel_rates(world, electrics, c, own, y, slopes, rate, n);
     body_forces(world, y, slopes, rate->v, n);
 }
 
-HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_contact_t *c, const hil_own_t *own,
-                       const slopes_t *slopes, int n) {
+HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_contact_t *c,
+                       const hil_wheel_params_t *own, const slopes_t *slopes, int n) {
     const hil_plant_t *plant = &world->plant;
     hil_real_t m[6];
     memcpy(m, c->mass, sizeof m);
@@ -155,8 +157,8 @@ HIL_INLINE void factor(solver_t *solver, const hil_world_t *world, const hil_con
 }
 
 /* In: forces on the body, rates of the wheels; out: rates. */
-HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_own_t *own, const hil_plant_t *plant,
-                      hil_motion_t *k, int n) {
+HIL_INLINE void solve(const solver_t *solver, const hil_contact_t *c, const hil_wheel_params_t *own,
+                      const hil_plant_t *plant, hil_motion_t *k, int n) {
     hil_real_t force[3] = {k->v[0], k->v[1], k->v[2]};
     for (int i = 0; i < n; i++) {
         k->i[i] *= c->current[i];
@@ -197,7 +199,7 @@ HIL_INLINE void second_stage(const hil_world_config_t *config, const hil_motion_
 }
 
 HIL_INLINE void rosenbrock(const hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                           const hil_own_t *own, hil_motion_t *y, slopes_t *slopes, int n) {
+                           const hil_wheel_params_t *own, hil_motion_t *y, slopes_t *slopes, int n) {
     hil_motion_t k1, k2, stage;
     solver_t solver;
     rates(world, electrics, c, own, y, slopes, &k1, n);
@@ -227,7 +229,7 @@ HIL_INLINE void chop(const hil_world_t *world, const hil_electrics_t *electrics,
 }
 
 HIL_INLINE void contact_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *c,
-                                const hil_own_t *own, hil_motion_t *y, int n) {
+                                const hil_wheel_params_t *own, hil_motion_t *y, int n) {
     slopes_t slopes;
     rosenbrock(world, electrics, c, own, y, &slopes, n);
     for (int i = 0; i < n; i++) {
@@ -257,8 +259,8 @@ void hil_contact_substep(hil_world_t *world, const hil_electrics_t *electrics, c
     }
 }
 
-void hil_contact_own_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
-                             const hil_own_t *own, hil_motion_t *y) {
+void hil_contact_wheel_substep(hil_world_t *world, const hil_electrics_t *electrics, const hil_contact_t *contact,
+                               const hil_wheel_params_t *own, hil_motion_t *y) {
     if (world->config.wheels == 3) {
         contact_substep(world, electrics, contact, own, y, 3);
     } else {
@@ -273,5 +275,5 @@ static void floor_substep(hil_world_t *world, const hil_electrics_t *electrics, 
 }
 
 void hil_contact_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
-    hil_march(world, electrics, step_s, NULL, floor_substep);
+    hil_integrate_substeps(world, electrics, step_s, NULL, floor_substep);
 }

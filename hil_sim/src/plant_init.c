@@ -46,7 +46,7 @@ void hil_plant_init(hil_plant_t *plant, const hil_world_config_t *config) {
     }
 }
 
-bool hil_plant_takes(uint32_t plant, uint32_t source) {
+bool hil_plant_accepts_source(uint32_t plant, uint32_t source) {
     const hil_plant_model_t *model = hil_plant_model(plant);
     switch (source) {
     case HIL_SOURCE_SPEED:

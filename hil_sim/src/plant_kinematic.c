@@ -49,7 +49,7 @@ static void advance_arc(hil_world_t *world, const hil_real_t *v, double step_s) 
 
 static void kinematic_init(hil_plant_t *plant, const hil_world_config_t *config) {
     (void)config;
-    hil_plant_reduce(plant);
+    hil_plant_ignore_losses(plant);
     plant->stiffness_N_s_m = 0.0;
 }
 

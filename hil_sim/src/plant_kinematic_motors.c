@@ -4,7 +4,7 @@
 
 static void motors_init(hil_plant_t *plant, const hil_world_config_t *config) {
     (void)config;
-    hil_plant_reduce(plant);
+    hil_plant_ignore_losses(plant);
     plant->stiffness_N_s_m = 0.0;
 }
 
@@ -20,7 +20,7 @@ static void motors_substep(hil_world_t *world, const hil_electrics_t *electrics,
 }
 
 static void motors_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
-    hil_march(world, electrics, step_s, motors_fit, motors_substep);
+    hil_integrate_substeps(world, electrics, step_s, motors_fit, motors_substep);
 }
 
 const hil_plant_model_t hil_plant_kinematic_motors = {.init = motors_init, .step = motors_step};

@@ -45,7 +45,7 @@ static void linear_init(hil_plant_t *plant, const hil_world_config_t *config) {
     const hil_real_t width_m_s = HIL_COULOMB_WIDTH_rad_s * plant->radius_m[0];
     plant->coulomb_width[0] = plant->coulomb_width[1] = width_m_s;
     plant->coulomb_width[2] = width_m_s / plant->arm_m[0];
-    hil_plant_reduce(plant);
+    hil_plant_ignore_losses(plant);
     plant->stiffness_N_s_m = 0.0;
 }
 
@@ -148,7 +148,7 @@ static void linear_fit(const hil_world_t *world, hil_motion_t *y) {
 }
 
 static void linear_step(hil_world_t *world, const hil_electrics_t *electrics, double step_s) {
-    hil_march(world, electrics, step_s, linear_fit, linear_substep);
+    hil_integrate_substeps(world, electrics, step_s, linear_fit, linear_substep);
 }
 
 const hil_plant_model_t hil_plant_linear = {.takes_torque = true, .init = linear_init, .step = linear_step};

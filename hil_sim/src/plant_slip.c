@@ -4,7 +4,7 @@
 #include "motion.h"
 
 static void slip_init(hil_plant_t *plant, const hil_world_config_t *config) {
-    hil_plant_reduce(plant);
+    hil_plant_ignore_losses(plant);
     hil_limits_init(plant, config);
     plant->coulomb_N_m = 0.0;
 }

@@ -22,7 +22,7 @@ void hil_player_init(hil_player_t *player, const hil_scenario_t *scenario, uint6
     hil_timeline_init(&player->timeline, scenario->events, scenario->event_count, scenario->end_tick, moments);
     hil_world_config_t world = *scenario->world;
     world.seed = seed;
-    hil_disperse(&world, scenario->dispersion, scenario->dispersion_count, seed);
+    hil_apply_dispersion(&world, scenario->dispersion, scenario->dispersion_count, seed);
     if (hil_run_init(run, &world, scenario->robot, player->why, HIL_WHY_SIZE) != HIL_OK) {
         fail(player, HIL_RUN_WORLD, 0);
     }
@@ -87,7 +87,7 @@ static void apply(hil_player_t *p, const hil_event_t *event) {
         }
         break;
     default: /* HIL_ACTION_TRAJECTORY_STOP */
-        omni_leave_plan(inputs);
+        omni_stop_trajectory(inputs);
         break;
     }
 }
@@ -98,7 +98,7 @@ static void locate(hil_player_t *p, const hil_event_t *event) {
         fail(p, HIL_RUN_ENDLESS, 0);
         return;
     }
-    hil_timeline_locate(&p->timeline, ticks);
+    hil_timeline_set_offset(&p->timeline, ticks);
 }
 
 uint64_t hil_player_due(hil_player_t *player) {
@@ -126,8 +126,8 @@ uint64_t hil_player_due(hil_player_t *player) {
     return 0;
 }
 
-void hil_player_look(hil_player_t *player) {
-    hil_timeline_look(&player->timeline, &player->run->metrics.milestones);
+void hil_player_update(hil_player_t *player) {
+    hil_timeline_update(&player->timeline, &player->run->metrics.milestones);
 }
 
 bool hil_player_play(hil_player_t *player, uint64_t ticks) {
@@ -138,7 +138,7 @@ bool hil_player_play(hil_player_t *player, uint64_t ticks) {
             return false;
         }
         hil_run_advance(player->run, due);
-        hil_player_look(player);
+        hil_player_update(player);
     }
     return true;
 }

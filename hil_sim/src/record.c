@@ -47,7 +47,7 @@ void hil_record_tick(hil_record_t *record, const hil_world_t *world, const omni_
     row->phase = outputs->reference.phase;
 }
 
-void hil_milestones_of(hil_milestones_t *milestones, const hil_sample_t *samples, uint64_t count) {
+void hil_milestones_from_record(hil_milestones_t *milestones, const hil_sample_t *samples, uint64_t count) {
     for (const hil_sample_t *row = samples; row < samples + count; row++) {
         hil_milestones_tick(milestones, (uint64_t)rint(1e6 * row->time_s), row->state, row->phase);
     }

@@ -42,7 +42,7 @@ omni_result_t hil_run_start_trajectory(hil_run_t *run) {
         omni_trajectory_plan(plan, &config->trajectory, &config->kinematics, NULL, &run->outputs.pose);
     if (result == OMNI_OK) {
         run->plan_used ^= 1u;
-        omni_follow_plan(&run->inputs, plan);
+        omni_start_trajectory(&run->inputs, plan);
     }
     return result;
 }

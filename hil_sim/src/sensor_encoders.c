@@ -13,7 +13,7 @@ static int32_t count_direction(const hil_world_t *world, uint32_t wheel) {
     return hil_fault_find(world, HIL_FAULT_ENCODER_REVERSED, wheel) != NULL ? -direction : direction;
 }
 
-void hil_encoders_pass(hil_world_t *world, uint32_t wheel, hil_real_t edges) {
+void hil_encoders_set_edges(hil_world_t *world, uint32_t wheel, hil_real_t edges) {
     const hil_real_t passed = (edges - world->encoder_edges[wheel]) * count_direction(world, wheel);
     world->encoder_edges[wheel] = edges;
     world->counts[wheel] = hil_count_on(world->counts[wheel], passed);
@@ -24,7 +24,7 @@ static void count_edges(hil_world_t *world) {
     for (uint32_t i = 0; i < world->config.wheels; i++) {
         const hil_real_t angle_rad =
             world->plant.play ? world->wheel_angle_rad[i] + world->gap_rad[i] : world->wheel_angle_rad[i];
-        hil_encoders_pass(world, i, hil_floor(angle_rad * edges_per_rad));
+        hil_encoders_set_edges(world, i, hil_floor(angle_rad * edges_per_rad));
     }
 }
 

@@ -83,8 +83,8 @@ static void take_flow(hil_world_t *world, uint64_t due_us) {
     hil_flow_t flow;
     memset(&flow, 0, sizeof flow);
     flow.arrives_us = due_us + (uint64_t)(config->flow_delay_s * 1e6 + 0.5);
-    flow.lost = (hil_flag_t)(hil_uniform(config->seed, HIL_STREAM_FLOW_DROP, world->flow_samples) <
-                             config->flow_drop_probability);
+    flow.dropped = (hil_flag_t)(hil_uniform(config->seed, HIL_STREAM_FLOW_DROP, world->flow_samples) <
+                                config->flow_drop_probability);
     read_flow(world, &flow);
     flow.moved[0] += hil_fault_value(world, HIL_FAULT_FLOW_JUMP, 0.0);
     if (hil_fault_find(world, HIL_FAULT_FLOW_STUCK, HIL_MAX_WHEELS) != NULL) {
@@ -120,7 +120,7 @@ static void show_flow(hil_world_t *world, hil_sensors_t *sensors) {
         sensors->flow_moved[axis] = flow->moved[axis];
     }
     sensors->flow_valid = FLOW_READ;
-    if (!flow->lost) {
+    if (!flow->dropped) {
         sensors->flow_valid = (uint8_t)(FLOW_READ | 3u | (world->config.flow_turns ? 4u : 0u));
     }
     world->flow_head = (world->flow_head + 1) % HIL_MAX_FLOWS;

@@ -32,7 +32,7 @@ static void freeze(hil_world_t *world, hil_fix_t *fix) {
         if (frozen) {
             fix->pose[axis] = world->frozen_pose[axis];
         } else {
-            world->frozen_pose[axis] = hil_select(fix->lost, world->frozen_pose[axis], fix->pose[axis]);
+            world->frozen_pose[axis] = hil_select(fix->dropped, world->frozen_pose[axis], fix->pose[axis]);
         }
     }
 }
@@ -46,7 +46,7 @@ static void queue(hil_world_t *world, const hil_fix_t *fix) {
     world->fix_count++;
 }
 
-static hil_flag_t lost(const hil_world_t *world, uint64_t sample) {
+static hil_flag_t is_dropped(const hil_world_t *world, uint64_t sample) {
     const hil_world_config_t *config = &world->config;
     if (hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL) {
         return true;
@@ -65,7 +65,7 @@ static void take_sample(hil_world_t *world, uint64_t sample, uint64_t due_us) {
     memset(&fix, 0, sizeof fix);
     fix.taken_us = due_us + (uint64_t)(late_s * 1e6 + 0.5);
     fix.arrives_us = due_us + (uint64_t)((world->config.fix_delay_s + late_s) * 1e6 + 0.5);
-    fix.lost = lost(world, sample);
+    fix.dropped = is_dropped(world, sample);
     measure(world, sample, 1e-6 * (double)(world->time_us - due_us), fix.pose);
     freeze(world, &fix);
     queue(world, &fix);
@@ -88,13 +88,13 @@ static void take_fixes(hil_world_t *world) {
     }
 }
 
-void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose) {
+void hil_pose_queue_fix(hil_world_t *world, uint64_t taken_us, const double *pose) {
     const uint64_t late_us = (uint64_t)(late_by_s(world) * 1e6 + 0.5);
     hil_fix_t fix;
     memset(&fix, 0, sizeof fix);
     fix.taken_us = taken_us + late_us;
     fix.arrives_us = world->time_us + late_us;
-    fix.lost = hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL;
+    fix.dropped = hil_fault_find(world, HIL_FAULT_POSE_LOSS, HIL_MAX_WHEELS) != NULL;
     fix.pose[0] = pose[0] + hil_fault_value(world, HIL_FAULT_POSE_JUMP, 0.0);
     fix.pose[1] = pose[1];
     fix.pose[2] = wrap_angle(pose[2]);
@@ -105,7 +105,7 @@ void hil_pose_take(hil_world_t *world, uint64_t taken_us, const double *pose) {
 static void show_due_fix(hil_world_t *world, hil_sensors_t *sensors) {
     while (!sensors->has_fix && world->fix_count > 0 && world->fix[world->fix_head].arrives_us <= world->time_us) {
         sensors->fix = world->fix[world->fix_head];
-        sensors->has_fix = !sensors->fix.lost;
+        sensors->has_fix = !sensors->fix.dropped;
         world->fix_head = (world->fix_head + 1) % HIL_MAX_FIXES;
         world->fix_count--;
     }

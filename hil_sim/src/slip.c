@@ -46,7 +46,7 @@ void hil_slip_update(hil_world_t *world, double time_s) {
     }
 }
 
-void hil_slip_hold(hil_world_t *world) {
+void hil_slip_draw_speeds(hil_world_t *world) {
     /* A millionth of an interval, because times given in seconds are rounded. */
     const uint64_t knot = (uint64_t)(1e-6 * (double)world->time_us / world->config.slip_time_s + 1e-6);
     if (knot != world->slip_speed_knot && world->config.slip_speed_max_m_s > 0.0) {

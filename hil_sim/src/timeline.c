@@ -51,7 +51,7 @@ static uint64_t end_of(const hil_timeline_t *t) {
 }
 
 static uint64_t next_stop(const hil_timeline_t *t, uint64_t now) {
-    const uint64_t look = (now / HIL_LOOK_TICKS + 1) * HIL_LOOK_TICKS;
+    const uint64_t look = (now / HIL_UPDATE_TICKS + 1) * HIL_UPDATE_TICKS;
     const uint64_t stop = earlier(look, end_of(t));
     return t->applied < t->known ? earlier(stop, t->moments[t->applied].due_tick) : stop;
 }
@@ -111,7 +111,7 @@ hil_step_t hil_timeline_next(hil_timeline_t *timeline, uint64_t now) {
     return step;
 }
 
-void hil_timeline_locate(hil_timeline_t *timeline, uint64_t ticks) {
+void hil_timeline_set_offset(hil_timeline_t *timeline, uint64_t ticks) {
     insert(timeline, timeline->located, timeline->path_start + ticks);
     timeline->located++;
 }
@@ -120,7 +120,7 @@ static uint64_t tick_of(uint64_t time_us) {
     return time_us == NEVER ? NEVER : (uint64_t)rint(1e-6 * (double)time_us * 1000.0);
 }
 
-void hil_timeline_look(hil_timeline_t *timeline, const hil_milestones_t *milestones) {
+void hil_timeline_update(hil_timeline_t *timeline, const hil_milestones_t *milestones) {
     if (timeline->stage != STAGE_PLAY) {
         return;
     }

@@ -5,9 +5,9 @@
 
 void hil_waiting_init(hil_waiting_t *waiting, bool looks) {
     memset(waiting, 0, sizeof *waiting);
-    omni_patience_init(&waiting->patience, looks);
-    waiting->may_change = waiting->patience.looks;
-    waiting->prefers_looking = waiting->patience.looks;
+    omni_poll_backoff_init(&waiting->poll_backoff, looks);
+    waiting->may_change = waiting->poll_backoff.enabled;
+    waiting->prefers_looking = waiting->poll_backoff.enabled;
     waiting->between_us = HIL_WAITING_FIRST_us;
     waiting->since_us = -1;
 }
@@ -49,10 +49,10 @@ static void begin(hil_waiting_t *waiting, bool tries, int64_t now_us) {
     waiting->tries = tries;
     waiting->since_us = now_us;
     memset(tries ? &waiting->tried : &waiting->usual, 0, sizeof waiting->usual);
-    waiting->patience.looks = hil_waiting_looks(waiting);
-    waiting->patience.failures = 0;
-    waiting->patience.successes = 0;
-    waiting->patience.sleeps = 0;
+    waiting->poll_backoff.enabled = hil_waiting_looks(waiting);
+    waiting->poll_backoff.failures = 0;
+    waiting->poll_backoff.successes = 0;
+    waiting->poll_backoff.sleeps_left = 0;
 }
 
 static int64_t length_us(const hil_waiting_t *waiting) {

@@ -108,7 +108,7 @@ static hil_result_t take(int32_t fd, uint8_t *data, uint32_t capacity, uint32_t 
 static hil_result_t look(int32_t fd, uint8_t *data, uint32_t capacity, int64_t end_us, uint32_t *got) {
     hil_result_t result = take(fd, data, capacity, got);
     while (result == HIL_ERR_TIMEOUT && hil_wire_now_us() < end_us) {
-        omni_patience_pause();
+        omni_poll_pause();
         result = take(fd, data, capacity, got);
     }
     return result;
@@ -126,20 +126,20 @@ static hil_result_t sleep_and_take(int32_t fd, uint8_t *data, uint32_t capacity,
     return result;
 }
 
-hil_result_t hil_wire_read(int32_t fd, omni_patience_t *patience, uint8_t *data, uint32_t capacity, int64_t deadline_us,
-                           uint32_t *got) {
+hil_result_t hil_wire_read(int32_t fd, omni_poll_backoff_t *poll_backoff, uint8_t *data, uint32_t capacity,
+                           int64_t deadline_us, uint32_t *got) {
     const int64_t begin_us = hil_wire_now_us();
-    const bool looks = patience != NULL && omni_patience_looks(patience);
+    const bool looks = poll_backoff != NULL && omni_poll_backoff_should_poll(poll_backoff);
     hil_result_t result = HIL_ERR_TIMEOUT;
     if (looks) {
-        const int64_t enough_us = begin_us + OMNI_PATIENCE_LOOK_us;
+        const int64_t enough_us = begin_us + OMNI_POLL_MAX_us;
         result = look(fd, data, capacity, enough_us < deadline_us ? enough_us : deadline_us, got);
     }
     if (result == HIL_ERR_TIMEOUT) {
         result = sleep_and_take(fd, data, capacity, deadline_us, got);
     }
-    if (patience != NULL) {
-        omni_patience_learn(patience, looks, (uint64_t)(hil_wire_now_us() - begin_us));
+    if (poll_backoff != NULL) {
+        omni_poll_backoff_record(poll_backoff, looks, (uint64_t)(hil_wire_now_us() - begin_us));
     }
     return result;
 }

@@ -4,7 +4,7 @@
 #define HIL_SIM_WIRE_H
 
 #include "hil_sim/world.h"
-#include "omni_link/patience.h"
+#include "omni_link/poll_backoff.h"
 
 /** Monotonic wall time [us]. */
 int64_t hil_wire_now_us(void);
@@ -17,9 +17,9 @@ hil_result_t hil_wire_write(int32_t fd, const uint8_t *data, uint32_t length, in
 
 /**
  * Wait for bytes and read what there is.
- * @param patience how to wait; it learns from it. NULL: asleep. @param got out, at least 1 if HIL_OK.
+ * @param poll_backoff how to wait; it learns from it. NULL: asleep. @param got out, at least 1 if HIL_OK.
  */
-hil_result_t hil_wire_read(int32_t fd, omni_patience_t *patience, uint8_t *data, uint32_t capacity, int64_t deadline_us,
-                           uint32_t *got);
+hil_result_t hil_wire_read(int32_t fd, omni_poll_backoff_t *poll_backoff, uint8_t *data, uint32_t capacity,
+                           int64_t deadline_us, uint32_t *got);
 
 #endif

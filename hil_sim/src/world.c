@@ -72,7 +72,7 @@ uint8_t hil_world_i2c_get(hil_world_t *world) {
 void hil_world_i2c_stop(hil_world_t *world) {
     hil_pca9685_stop(&world->chip);
     world->stranger_addressed = false;
-    hil_bridges_follow(world, false);
+    hil_bridges_apply_inputs(world, false);
 }
 
 /* START, address and bytes. */
@@ -130,7 +130,7 @@ hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t le
 }
 
 static hil_result_t drive(hil_world_t *world, uint32_t source, const double *values) {
-    if (!hil_plant_takes(world->config.plant, source)) {
+    if (!hil_plant_accepts_source(world->config.plant, source)) {
         return HIL_ERR_CONFIG;
     }
     for (uint32_t i = 0; i < world->config.wheels; i++) {
@@ -138,7 +138,7 @@ static hil_result_t drive(hil_world_t *world, uint32_t source, const double *val
             return HIL_ERR_CONFIG;
         }
     }
-    hil_plant_source(world, source);
+    hil_plant_set_source(world, source);
     memcpy(world->driven, values, world->config.wheels * sizeof values[0]);
     return HIL_OK;
 }

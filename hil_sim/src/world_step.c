@@ -54,9 +54,9 @@ static void chip_to_bridges(hil_world_t *world) {
     }
 }
 
-void hil_bridges_follow(hil_world_t *world, bool direct) {
+void hil_bridges_apply_inputs(hil_world_t *world, bool direct) {
     world->direct = direct || !hil_has_chip(world);
-    hil_plant_source(world, HIL_SOURCE_BRIDGES);
+    hil_plant_set_source(world, HIL_SOURCE_BRIDGES);
     if (world->direct) {
         direct_to_bridges(world);
     } else {
@@ -76,7 +76,7 @@ void hil_world_output_enable(hil_world_t *world, uint8_t drive) {
     }
     world->chip.output_enable_high = high;
     if (world->source == HIL_SOURCE_BRIDGES) {
-        hil_bridges_follow(world, world->direct);
+        hil_bridges_apply_inputs(world, world->direct);
     }
 }
 
@@ -98,7 +98,7 @@ void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hi
         world->direct_in1[i] = hil_select(in1 + in2 <= 0.0, rest, in1);
         world->direct_in2[i] = hil_select(in1 + in2 <= 0.0, rest, in2);
     }
-    hil_bridges_follow(world, true);
+    hil_bridges_apply_inputs(world, true);
 }
 
 typedef struct pulse_t {
@@ -138,10 +138,10 @@ void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps) {
         world->direct_phase1[i] = in1.rises;
         world->direct_phase2[i] = in2.rises;
     }
-    hil_bridges_follow(world, true);
+    hil_bridges_apply_inputs(world, true);
 }
 
-void hil_chip_starve(hil_world_t *world) {
+void hil_chip_power_loss(hil_world_t *world) {
     if (hil_fault_find(world, HIL_FAULT_CHIP_POWER, HIL_MAX_WHEELS) == NULL) {
         return;
     }
@@ -150,7 +150,7 @@ void hil_chip_starve(hil_world_t *world) {
     memset(world->direct_in2, 0, sizeof world->direct_in2);
     memset(world->direct_phase1, 0, sizeof world->direct_phase1);
     memset(world->direct_phase2, 0, sizeof world->direct_phase2);
-    hil_bridges_follow(world, world->direct);
+    hil_bridges_apply_inputs(world, world->direct);
 }
 
 /* Whatever the plant made of the wheel: a hand, and a blocked gear, are stronger. */
@@ -163,7 +163,7 @@ static void turn_by_hand(hil_world_t *world, const hil_real_t *angle_before_rad,
             const hil_real_t turned_rad = world->wheel_angle_rad[i];
             world->wheel_angle_rad[i] = angle_before_rad[i] + world->wheel_rad_s[i] * step_s;
             if (world->plant.play) {
-                hil_backlash_held(world, i, world->wheel_angle_rad[i] - turned_rad);
+                hil_backlash_shift(world, i, world->wheel_angle_rad[i] - turned_rad);
             }
         }
     }
@@ -173,7 +173,7 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     if (step_us == 0) {
         return;
     }
-    hil_chip_starve(world);
+    hil_chip_power_loss(world);
     const double step_s = 1e-6 * step_us;
     hil_real_t open_end_A[HIL_MAX_WHEELS] = {0.0};
     hil_real_t angle_before_rad[HIL_MAX_WHEELS];
@@ -188,6 +188,6 @@ void hil_world_step(hil_world_t *world, uint32_t step_us) {
     world->time_us += step_us;
     world->steps++;
     hil_faults_update(world);
-    hil_slip_hold(world);
+    hil_slip_draw_speeds(world);
     hil_sensors_sample(world);
 }

@@ -81,7 +81,7 @@ def replay_config(robot: Robot, period_s: float) -> Any:
     ratio = period_s / float(config.step_s)
     kf, ekf = config.motor_kf, config.pose_ekf
     kf.step_s = ekf.step_s = config.step_s = period_s
-    ekf.adapt = ekf.alone = 0.0
+    ekf.adapt_rate = ekf.dead_reckoning_noise = 0.0
     for field in ("q_speed", "q_current"):
         setattr(kf, field, getattr(kf, field) * ratio)
     for field in ("q_xy", "q_theta", "q_slip"):
@@ -320,7 +320,7 @@ class _Engine:
 
     def pose(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
         """Return pose and standard deviations now."""
-        lib.omni_pose_ekf_settle(
+        lib.omni_pose_ekf_propagate_covariance(
             self.ekf, ffi.addressof(self.config, "pose_ekf"), ffi.addressof(self.config, "kinematics")
         )
         pose, p = self.ekf.pose, self.ekf.p

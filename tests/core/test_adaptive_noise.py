@@ -31,7 +31,7 @@ class Adaptive:
         self.past = reference.Filter(GEOMETRY[wheels], reference.Noise(), np.zeros(states), p)
         self.motion: list[tuple[Array, float, float]] = []
         self.noise, self.fix = 1.0, 1.0
-        self.seen = np.zeros(3)
+        self.measured = np.zeros(3)
 
     def predict(self, turned: Array, slip_noise: float = 1.0) -> None:
         self.motion.append((turned, self.noise, slip_noise))
@@ -56,8 +56,8 @@ class Adaptive:
         white = np.linalg.solve(low, fix - past.x[:3])
         kept = r / np.diag(low) ** 2
         past.update(fix)
-        change = np.clip(RATE * float((1.0 - kept) * white @ self.seen), -0.3, 0.3)
-        self.seen = kept * self.seen + white
+        change = np.clip(RATE * float((1.0 - kept) * white @ self.measured), -0.3, 0.3)
+        self.measured = kept * self.measured + white
         self.noise = float(np.clip(self.noise * (1.0 + change), 1.0 / 64.0, 1024.0))
         excess = min(float(white @ white), 12.0) / 3.0 - 1.1
         self.fix = float(np.clip(self.fix * (1.0 + RATE / 20.0 * excess), 1.0, 16.0))
@@ -95,7 +95,7 @@ def test_late_fixes_are_exact_while_the_levels_change(wheels: int, mode: int, de
             exact.update(fix, tick - taken)
             assert_same(ekf, exact.now(), mean_sd=tolerance, relative=tolerance)
             assert ekf.s.noise_factor == pytest.approx(exact.noise, rel=5e-3)
-            assert ekf.s.fix_factor == pytest.approx(exact.fix, rel=5e-3)
+            assert ekf.s.fix_noise_factor == pytest.approx(exact.fix, rel=5e-3)
     assert exact.noise != 1.0
     assert exact.fix > 2.0
 
@@ -120,7 +120,7 @@ def walk(ekf: Ekf, scale: float, seconds: float, seed: int, fix_sd: float = 0.00
         error = ekf.x[:3] - truth
         error[2] = reference.wrap(error[2])
         errors.append(error)
-        factors.append((float(ekf.s.noise_factor), float(ekf.s.fix_factor)))
+        factors.append((float(ekf.s.noise_factor), float(ekf.s.fix_noise_factor)))
     return np.array(errors), np.array(factors)
 
 
@@ -148,7 +148,7 @@ def test_fixes_worse_than_believed_make_it_less_sure() -> None:
 
 
 def levels(ekf: Ekf) -> tuple[float, ...]:
-    return (float(ekf.s.noise_factor), float(ekf.s.fix_factor), *(float(value) for value in ekf.s.past))
+    return (float(ekf.s.noise_factor), float(ekf.s.fix_noise_factor), *(float(value) for value in ekf.s.whitened_innovation_sum))
 
 
 def test_without_information_they_stand_still() -> None:
@@ -191,7 +191,7 @@ def test_switched_off_under_way_it_is_the_filter_that_never_had_it() -> None:
     ekf = Ekf(adapt=RATE)
     walk(ekf, 16.0, 1.0, 4)
     assert levels(ekf)[0] != 1.0
-    ekf.config.adapt = 0.0
+    ekf.config.adapt_rate = 0.0
     ekf.predict([0.001] * 3, 20)
     assert ekf.correct((9.0, np.nan, 0.0)) == lib.OMNI_ERR_NOT_FINITE  # also a fix that is refused
     assert levels(ekf) == (1.0, 1.0, 0.0, 0.0, 0.0)
@@ -206,7 +206,7 @@ def test_they_stay_within_their_bounds_whatever_comes(far: float) -> None:
         ekf.predict([0.01, 0.02, -0.01], 20)
         ekf.correct(rng.normal(0.0, far, 3) * [1.0, 1.0, 1e-3])
         assert 1.0 / 64.0 <= ekf.s.noise_factor <= 1024.0
-        assert 1.0 <= ekf.s.fix_factor <= 16.0
+        assert 1.0 <= ekf.s.fix_noise_factor <= 16.0
         assert np.isfinite(ekf.p).all()
         assert (np.diag(ekf.p) >= 0.0).all()
 

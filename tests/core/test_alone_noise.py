@@ -19,7 +19,7 @@ from tests.core.test_gyro import DENSITY, DISTANCE_M, Q_SLIP, Q_THETA, Q_XY, RAD
 from tests.core.test_pose_ekf import POSE, SLIP, TICK_US, Array, Ekf, assert_late_fix_is_exact, drive, reference
 
 ALONE = 3.0
-ALONE_TICKS = lib.OMNI_EKF_ALONE_US // TICK_US
+ALONE_TICKS = lib.OMNI_EKF_DEAD_RECKONING_AFTER_US // TICK_US
 SLOT_TICKS = lib.OMNI_EKF_SLOT_TICKS  # what begins, begins with a slot of the history
 NOISE = reference.Noise()
 STANDS = [0.0, 0.0, 0.0]
@@ -34,7 +34,7 @@ def grown(ekf: Ekf, ticks: int, wheels: Sequence[float] = TURNS) -> Array:
 
 
 def test_it_begins_two_seconds_after_a_fix_and_ends_with_the_next() -> None:
-    ekf = Ekf(alone=ALONE, sd=(1e-3, 1e-3), gate=25.0)
+    ekf = Ekf(dead_reckoning_noise=ALONE, sd=(1e-3, 1e-3), gate=25.0)
     ekf.predict(STANDS)
     assert ekf.correct((0.0, 0.0, 0.0)) == lib.OMNI_OK
     assert grown(ekf, ALONE_TICKS) == pytest.approx([1.0, 1.0], rel=1e-3)
@@ -49,7 +49,7 @@ def test_it_begins_two_seconds_after_a_fix_and_ends_with_the_next() -> None:
 @pytest.mark.parametrize("begun_us", [0, 3_000_000, 2**40])
 def test_a_filter_that_never_had_a_fix_is_alone_two_seconds_after_its_first_tick(begun_us: int) -> None:
     """However long the robot's clock has run before."""
-    ekf = Ekf(alone=ALONE, sd=(1e-3, 1e-3))
+    ekf = Ekf(dead_reckoning_noise=ALONE, sd=(1e-3, 1e-3))
     ekf.time_us = begun_us
     ekf.predict(STANDS)
     assert grown(ekf, ALONE_TICKS) == pytest.approx([1.0, 1.0], rel=1e-3)
@@ -58,11 +58,11 @@ def test_a_filter_that_never_had_a_fix_is_alone_two_seconds_after_its_first_tick
 
 
 def test_a_pose_that_is_set_counts_as_told() -> None:
-    ekf = Ekf(alone=ALONE, sd=(1e-3, 1e-3))
+    ekf = Ekf(dead_reckoning_noise=ALONE, sd=(1e-3, 1e-3))
     ekf.predict(STANDS, 2 * ALONE_TICKS)
-    assert ekf.s.white_factor == 1.0 + ALONE
+    assert ekf.s.pose_noise_factor == 1.0 + ALONE
     lib.omni_pose_ekf_set_pose(ekf.s, ekf.config, ffi.new("omni_pose_t *"), ekf.time_us)
-    assert ekf.s.white_factor == 1.0
+    assert ekf.s.pose_noise_factor == 1.0
     assert grown(ekf, ALONE_TICKS) == pytest.approx([1.0, 1.0], rel=1e-2)
     ekf.predict(TURNS, SLOT_TICKS)
     assert grown(ekf, 1000) == pytest.approx([1.0 + ALONE] * 2, rel=1e-2)
@@ -73,19 +73,19 @@ def test_the_parameter_is_a_factor_of_the_deviation() -> None:
     for factor in (1.0, 2.5):
         values = scenario.with_parameters({"EKF_ALONE": factor}).parameter_values()
         config = robot_config(values, scenario.robot.table, 0)
-        assert config.pose_ekf.alone == pytest.approx(factor**2 - 1.0)
+        assert config.pose_ekf.dead_reckoning_noise == pytest.approx(factor**2 - 1.0)
 
 
 @pytest.mark.parametrize("alone", [0.0, ALONE])
 def test_with_a_gyro_only_the_wheels_share_of_a_slot_is_noisier(alone: float) -> None:
     """The slip ratios learn from what gyro and wheels are apart; its variance has the gyro's own noise once."""
     found = Filter()
-    found.config.alone = alone
-    found.s.white_factor = 1.0
+    found.config.dead_reckoning_noise = alone
+    found.s.pose_noise_factor = 1.0
     turned = [0.2 * 1e-3] * 3
     for _ in range(4 * (ALONE_TICKS // 4 + 10)):
         found.predict(turned, 0.2 * RADIUS_M / DISTANCE_M)
-    assert found.s.white_factor == 1.0 + alone
+    assert found.s.pose_noise_factor == 1.0 + alone
     before = found.p[3:6, 3:6]
     for _ in range(4):
         found.predict(turned, 0.2 * RADIUS_M / DISTANCE_M)
@@ -102,9 +102,9 @@ def test_what_a_gyro_gave_wrongly_comes_back_with_the_wheels_noise_of_now() -> N
     grown_by = []
     for factor in (1.0, 5.0):
         found = Filter()
-        found.s.white_factor = factor
+        found.s.pose_noise_factor = factor
         before = found.p[2, 2]
-        lib.omni_pose_ekf_turn_back(found.s, found.config, found.k, 0.01, 2.0, 0.0)
+        lib.omni_pose_ekf_undo_gyro_turn(found.s, found.config, found.k, 0.01, 2.0, 0.0)
         grown_by.append(found.p[2, 2] - before)
     assert grown_by[0] == pytest.approx(Q_THETA * 2000.0, rel=1e-2)
     assert grown_by[1] == pytest.approx(5.0 * grown_by[0], rel=1e-2)
@@ -114,7 +114,7 @@ def test_slip_ratios_gather_no_more_noise() -> None:
     """Their variances are those of a filter without the extra noise; the pose's are larger."""
     found = []
     for alone in (0.0, ALONE):
-        ekf = Ekf(3, SLIP, alone=alone)
+        ekf = Ekf(3, SLIP, dead_reckoning_noise=alone)
         ekf.s.p[3][3] = ekf.s.p[4][4] = ekf.s.p[5][5] = 1e-6  # below p_slip, so they grow
         ekf.predict([0.01, 0.02, -0.01], 2 * ALONE_TICKS)
         found.append(np.diag(ekf.p))
@@ -129,15 +129,15 @@ def test_one_times_is_the_filter_that_is_never_alone_bit_by_bit() -> None:
     for ekf in (plain, told):
         ekf.predict([0.01, 0.02, -0.01], ALONE_TICKS)
         if ekf is told:
-            ekf.s.told_us = ekf.time_us
+            ekf.s.last_absolute_update_us = ekf.time_us
         ekf.predict([0.01, 0.02, -0.01], ALONE_TICKS)
-    told.s.told_us = plain.s.told_us
+    told.s.last_absolute_update_us = plain.s.last_absolute_update_us
     assert plain.snapshot() == told.snapshot()
 
 
 def test_a_robot_that_stands_without_fixes_gets_no_less_sure() -> None:
     """Before the filter is alone its noise counts: fixes tell when somebody pushes it."""
-    ekf = Ekf(3, SLIP, alone=ALONE, sd=(1e-3, 1e-3))
+    ekf = Ekf(3, SLIP, dead_reckoning_noise=ALONE, sd=(1e-3, 1e-3))
     ekf.predict(STANDS)
     assert grown(ekf, ALONE_TICKS, STANDS) == pytest.approx([1.0, 1.0], rel=1e-3)
     ekf.predict(STANDS, SLOT_TICKS)
@@ -156,7 +156,7 @@ def test_a_robot_that_stands_without_fixes_gets_no_less_sure() -> None:
 def test_at_rest_a_gyro_does_not_make_the_heading_less_sure() -> None:
     """Its bias is still learned; one that turns by hand, wheels still, counts as motion."""
     found = Filter()
-    found.config.alone = ALONE
+    found.config.dead_reckoning_noise = ALONE
     lib.omni_pose_ekf_start_gyro(found.s, found.config)
     for _ in range(ALONE_TICKS + SLOT_TICKS):
         found.predict(STANDS, 0.0, leads=False, rest=True)
@@ -176,17 +176,17 @@ def stand(ekf: Ekf, corrected_ticks: Sequence[int]) -> None:
     for tick in range(400):
         ekf.predict(STANDS)
         if tick in corrected_ticks:
-            lib.omni_pose_ekf_settle(ekf.s, ekf.config, ekf.k)
+            lib.omni_pose_ekf_propagate_covariance(ekf.s, ekf.config, ekf.k)
 
 
 def test_noise_that_is_in_p_already_stays_there() -> None:
     """A slot that is settled half-way has counted for half. Nothing is taken out of `p` again."""
     found = []
     for corrected in ((), range(1, 400, 4)):
-        ekf = Ekf(3, SLIP, alone=ALONE, sd=(1e-9, 1e-9))
+        ekf = Ekf(3, SLIP, dead_reckoning_noise=ALONE, sd=(1e-9, 1e-9))
         ekf.predict(STANDS)
-        ekf.s.told_us = 0
-        ekf.time_us += 2 * lib.OMNI_EKF_ALONE_US
+        ekf.s.last_absolute_update_us = 0
+        ekf.time_us += 2 * lib.OMNI_EKF_DEAD_RECKONING_AFTER_US
         ekf.predict(STANDS, 2 * SLOT_TICKS + 1)  # the first one is long, and a slot of its own
         before = ekf.p
         stand(ekf, corrected)
@@ -207,7 +207,7 @@ def carry(filter_: Any, motion: Sequence[tuple[Array, float, float]]) -> None:
 @pytest.mark.parametrize("age_ticks", [0, 30, 200])
 def test_a_late_fix_after_a_gap_is_exact(wheels: int, mode: int, age_ticks: int) -> None:
     """It was taken before, or after, the extra noise began; a float64 filter goes back to that time."""
-    ekf = Ekf(wheels, mode, alone=ALONE)
+    ekf = Ekf(wheels, mode, dead_reckoning_noise=ALONE)
     ticks = ALONE_TICKS + 100
     motion: list[tuple[Array, float, float]] = []
     for number, turned in enumerate(drive(wheels, ticks, 5), start=1):

@@ -48,8 +48,8 @@ def heat_of(currents_A: list[float], continuous_A: float, heat_s: float) -> floa
 @pytest.mark.parametrize("heat_s", [0.5, 3.0, 100.0])
 def test_the_constants_of_a_tick_are_the_exponentials(henry: float, heat_s: float) -> None:
     config = configured(1.0, 1.0, heat_s, henry=henry)
-    assert config.keep == pytest.approx(math.exp(-R / henry * STEP_S), rel=2e-6, abs=1e-12)
-    assert config.heat_step == pytest.approx(-math.expm1(-STEP_S / heat_s), rel=1e-6)
+    assert config.current_decay == pytest.approx(math.exp(-R / henry * STEP_S), rel=2e-6, abs=1e-12)
+    assert config.heat_gain == pytest.approx(-math.expm1(-STEP_S / heat_s), rel=1e-6)
 
 
 @pytest.mark.parametrize("heat_s", [0.5, 5.0, 100.0])
@@ -139,7 +139,7 @@ def blocked(wheel: int, seconds: float, duty: float = 0.9, **parameters: float) 
 def test_a_blocked_wheel_has_no_more_than_the_limit_and_is_named(wheel: int, limit_A: float) -> None:
     """At 0.7 A it gets 1.9 V, less than SAFE_STALL_V; it is found all the same."""
     bench, currents = blocked(wheel, 1.0, LIM_I=limit_A)
-    count_A = K / R * bench.config.current.count_rad_s
+    count_A = K / R * bench.config.current.one_count_rad_s
     assert max(currents) <= limit_A + 0.25 * count_A, "less than a count in four ticks is what the wheel may turn"
     assert max(currents) > 0.9 * limit_A
     assert bench.outputs.fault_history == lib.OMNI_FAULT_STALL
@@ -219,11 +219,11 @@ def test_a_stop_takes_its_tick_however_hard_the_limit_binds(event: str) -> None:
         bench.command(lib.OMNI_SETPOINT_DUTY, duty=(1.0, -1.0, 1.0, 0.0))
         out = bench.tick()
     assert out.drive
-    assert out.current_cut > 0.3
+    assert out.current_reduction > 0.3
     out = bench.tick(getattr(lib, f"OMNI_EVENT_{event}"))
     assert not out.drive
     assert [out.duty[i] for i in range(4)] == [0.0] * 4
-    assert out.current_cut == 0.0
+    assert out.current_reduction == 0.0
 
 
 def test_the_controller_is_told_and_does_not_wind_up() -> None:
@@ -237,7 +237,7 @@ def test_the_controller_is_told_and_does_not_wind_up() -> None:
         out = bench.tick()
         sums.append(abs(bench.robot.control.wheel_speed.pid[0].integral))
     assert out.faults & lib.OMNI_WARN_SATURATED
-    assert 0.0 < out.current_cut < 1.0
+    assert 0.0 < out.current_reduction < 1.0
     assert out.duty_scale == 1.0, "only the current limit binds"
     assert sums[-1] == pytest.approx(sums[-100], rel=0.01)
     assert sums[-1] < 0.1 * 50.0 * 1.5 * 1.0, "far below what it would have summed up: 50 V/rad times 1.5 rad/s and 1 s"
@@ -264,7 +264,7 @@ def test_switched_off_while_driving_nothing_of_it_is_left() -> None:
     lib.omni_robot_set_config(bench.robot, bench.config)
     out = bench.tick()
     assert list(out.motor_heat) == [0.0] * 4
-    assert out.current_cut == 0.0
+    assert out.current_reduction == 0.0
     bench.config = bench.configure(SAFE_I=0.5)
     lib.omni_robot_set_config(bench.robot, bench.config)
     assert max(bench.tick().motor_heat) < 0.05, "it starts cold"

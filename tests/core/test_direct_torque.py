@@ -240,7 +240,7 @@ def test_what_is_not_finite_gives_no_torque(bad: float) -> None:
 
 def curve(dead: float = 0.1, points: Any = (0.3, 0.5, 0.65, 0.8), most: float = 4.0) -> Any:
     value = ffi.new("omni_torque_curve_t *")
-    value.torque_max_N_m, value.dead_duty, value.duty = most, dead, list(points)
+    value.torque_max_N_m, value.deadband_duty, value.duty = most, dead, list(points)
     return value
 
 

@@ -39,7 +39,7 @@ def start(bench: Bench, place: int, index: int, amplitude: float, ticks: int, **
     plan = ffi.new("omni_excitation_t *", {"place": place, "index": index, "ticks": ticks, "amplitude": amplitude})
     for name, value in more.items():
         setattr(plan, name, value)
-    exciter = ffi.addressof(bench.robot, "exciter")
+    exciter = ffi.addressof(bench.robot, "excitation")
     return int(lib.omni_excitation_start(exciter, plan, bench.wheels))
 
 
@@ -63,7 +63,7 @@ def test_all_wheels_alike_turn_the_robot_on_the_spot() -> None:
 
 def test_a_sweep_is_a_sine_of_rising_frequency() -> None:
     first, rise, ticks = 0.01, 5e-4, 400
-    seen = wanted(started(WHEEL, 0, ticks=ticks, amplitude=0.8, step_rad=first, rise_rad=rise), ticks)[:, 0]
+    seen = wanted(started(WHEEL, 0, ticks=ticks, amplitude=0.8, step_rad=first, phase_acceleration_rad=rise), ticks)[:, 0]
     n = np.arange(ticks)
     assert np.allclose(seen, 0.8 * np.sin(n * first + 0.5 * rise * n * (n - 1)), atol=1e-3)
 
@@ -141,9 +141,9 @@ ENDS = (disarm, estop, hold, fault, other_setpoint, other_controller)
 def test_it_ends_in_the_tick_of_a_stop_and_stays_ended(place: int, kind: int, end: Callable[[Bench], None]) -> None:
     bench = started(place, kind=kind, amplitude=0.05, ticks=100000)
     bench.tick(count=10)
-    assert bench.robot.exciter.left > 0
+    assert bench.robot.excitation.ticks_left > 0
     end(bench)
-    assert bench.robot.exciter.left == 0
+    assert bench.robot.excitation.ticks_left == 0
     if end in (disarm, estop, fault):
         assert not any(bench.outputs.duty)
     bench.tick(lib.OMNI_EVENT_DISARM)
@@ -151,7 +151,7 @@ def test_it_ends_in_the_tick_of_a_stop_and_stays_ended(place: int, kind: int, en
     bench.arm()
     set_kind(bench, kind)
     bench.tick(count=10)
-    assert bench.robot.exciter.left == 0
+    assert bench.robot.excitation.ticks_left == 0
     if place == WHEEL:
         assert not any(bench.outputs.wheel_reference)
 
@@ -160,7 +160,7 @@ def test_it_ends_in_the_tick_of_a_stop_and_stays_ended(place: int, kind: int, en
 def test_none_begins_where_it_does_not_fit(place: int, kind: int) -> None:
     bench = started(place, kind=kind)
     bench.tick()
-    assert bench.robot.exciter.left == 0
+    assert bench.robot.excitation.ticks_left == 0
     assert not any(bench.outputs.duty)
 
 
@@ -181,5 +181,5 @@ def test_none_begins_where_it_does_not_fit(place: int, kind: int) -> None:
 def test_a_bad_plan_is_refused_and_ends_the_one_before(place: int, index: int, amplitude: float, ticks: int) -> None:
     bench = started(WHEEL)
     assert start(bench, place, index, amplitude, ticks) != lib.OMNI_OK
-    assert bench.robot.exciter.left == 0
+    assert bench.robot.excitation.ticks_left == 0
     assert not any(bench.tick().wheel_reference)

@@ -172,7 +172,7 @@ def test_the_share_of_each_wheel_is_least_norm_and_moves_the_body(
     load = ffi.new("omni_body_load_t *", {"used": True, "mass_m2": mass / own, "inertia": inertia / own})
     start = [1.0, -2.0, 3.0, 4.0]
     change = ffi.new("float[4]", start)
-    lib.omni_kinematics_add_body(k, load, ffi.new("omni_twist_t *", list(felt)), change)
+    lib.omni_kinematics_add_body_inertia(k, load, ffi.new("omni_twist_t *", list(felt)), change)
     rows = np.array([[-math.sin(a), math.cos(a), d] for a, d in zip(angles, distances, strict=False)])
     wrench = np.array([mass, mass, inertia]) * felt
     force = np.linalg.lstsq(rows.T, wrench, rcond=None)[0]

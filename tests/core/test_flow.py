@@ -35,9 +35,9 @@ class Core:
         values = {"mode": mode, "q_xy": Q_XY, "q_theta": Q_THETA, "q_slip": Q_SLIP, "p_slip": P_SLIP, "r_xy": 25e-6}
         values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "flow_gate": 16.3}
         self.config = ffi.new("omni_pose_ekf_config_t *", values)
-        mount = {"axes": axes, "cosine": math.cos(angle), "sine": math.sin(angle), "scale": 1.0, "arm_m": ARM}
+        mount = {"axes": axes, "mount_cosine": math.cos(angle), "mount_sine": math.sin(angle), "scale": 1.0, "lever_arm_m": ARM}
         self.mount = ffi.new(
-            "omni_flow_config_t *", mount | {"r_xy": SD_M**2, "r_share": 0.0, "r_turn": SD_RAD**2, "delay_us": 0}
+            "omni_flow_config_t *", mount | {"r_xy": SD_M**2, "r_relative": 0.0, "r_turn": SD_RAD**2, "delay_us": 0}
         )
         self.s = ffi.new("omni_pose_ekf_state_t *")
         self.flow = ffi.new("omni_flow_state_t *")
@@ -50,10 +50,10 @@ class Core:
         self.time_us += 1000
         lib.omni_pose_ekf_predict(self.s, self.config, self.k, ffi.new("float[4]", list(turned)), self.time_us)
 
-    def measure(self, moved: Any, rows: int, age: int = 0, lead_nis: float = 0.0) -> Any:
+    def measure(self, moved: Any, rows: int, age: int = 0, override_nis: float = 0.0) -> Any:
         """Correct by a reading of the last SPAN ticks before ``age`` ticks ago."""
-        flow = {"move": list(moved), "arm_m": ARM, "r_xy": SD_M**2, "r_turn": SD_RAD**2, "turns": rows == 3}
-        flow |= {"counts": True, "age_us": 1000 * age, "span_us": 1000 * SPAN, "lead_nis": lead_nis}
+        flow = {"move": list(moved), "lever_arm_m": ARM, "r_xy": SD_M**2, "r_turn": SD_RAD**2, "measures_turn": rows == 3}
+        flow |= {"apply": True, "age_us": 1000 * age, "span_us": 1000 * SPAN, "override_nis": override_nis}
         result = ffi.new("omni_ekf_flow_result_t *")
         assert lib.omni_pose_ekf_correct_flow(self.s, self.config, self.k, ffi.new("omni_ekf_flow_t *", flow), result)
         return result
@@ -62,7 +62,7 @@ class Core:
         """One tick of filter and sensor; without a reading nothing has come."""
         self.predict(turned)
         told = {"time_us": self.time_us, "reading": ffi.new("float[3]", list(reading or (0.0, 0.0, 0.0)))}
-        told |= {"valid": valid if reading is not None else 0, "timed": True}
+        told |= {"valid": valid if reading is not None else 0, "interval_valid": True}
         given = ffi.new("omni_flow_tick_t *", told)
         self.usable = bool(lib.omni_flow_step(self.flow, self.mount, given, self.s, self.config, self.k))
 
@@ -72,12 +72,12 @@ class Core:
 
     @property
     def x(self) -> Array:
-        return np.array([self.s.pose.x, self.s.pose.y, self.s.pose.theta, *list(self.s.slip)[: self.wheels]])
+        return np.array([self.s.pose.x, self.s.pose.y, self.s.pose.theta, *list(self.s.error_state)[: self.wheels]])
 
     @property
     def p(self) -> Array:
         copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
-        lib.omni_pose_ekf_settle(copy, self.config, self.k)
+        lib.omni_pose_ekf_propagate_covariance(copy, self.config, self.k)
         return np.array([list(row)[: 3 + self.wheels] for row in copy.p])[: 3 + self.wheels]
 
 
@@ -136,7 +136,7 @@ class Reference:
         return np.array([c * way[0] + s * way[1], c * way[1] - s * way[0], b[2] - a[2]])
 
     def measure(self, moved: Array, rows: int) -> float:
-        h = self.derivative(self.moved)[:rows]
+        h = self.derivative(self.predicted)[:rows]
         s = h @ self.p @ h.T + np.diag([SD_M**2, SD_M**2, SD_RAD**2][:rows])
         y = (moved - self.moved(self.x))[:rows]
         self.update(h, s, y)
@@ -296,7 +296,7 @@ def run(core: Core, ticks: int, speed: float, said: Any = "true", slip: float = 
 def test_it_learns_the_slip_of_the_wheels_and_where_the_robot_is() -> None:
     core = Core()
     assert all(run(core, 4000, 0.5))
-    assert core.flow.used > 180
+    assert core.flow.readings_used > 180
     assert core.x[0] == pytest.approx(0.5 * 4.0 * 1.0, abs=0.006)  # the first 0.14 s were compared only
     slip = core.x[4:6]  # the first wheel does not turn when the robot drives along x
     assert slip == pytest.approx([0.05, 0.05], abs=0.01)
@@ -311,19 +311,19 @@ def test_readings_that_cannot_be_true_are_refused_and_said(said: list[float]) ->
     core, alone = Core(), Core()
     run(core, 1000, 0.5)
     before = core.x.copy()
-    used = core.flow.used
+    used = core.flow.readings_used
     usable = run(core, 400, 0.5, said)
     assert not usable[-1]
-    assert core.flow.used == used
+    assert core.flow.readings_used == used
     assert np.isfinite(core.p).all()
     ways = [(core.x - before)[0]]
     run(alone, 400, 0.5, None, slip=0.0)
     ratio = (1.0 - core.x[4]) / 0.95
     assert ways[0] == pytest.approx(alone.x[0] * ratio, rel=1e-3), "the wheels alone count, with the slip that is known"
-    assert all(run(core, lib.OMNI_FLOW_GOOD * SPAN, 0.5))
-    assert core.flow.used == used, "it proves itself first"
+    assert all(run(core, lib.OMNI_FLOW_QUALIFY_AFTER * SPAN, 0.5))
+    assert core.flow.readings_used == used, "it proves itself first"
     run(core, SPAN, 0.5)
-    assert core.flow.used == used + 1
+    assert core.flow.readings_used == used + 1
 
 
 @pytest.mark.parametrize(
@@ -332,10 +332,10 @@ def test_readings_that_cannot_be_true_are_refused_and_said(said: list[float]) ->
 def test_drop_outs_leave_it_to_the_wheels_and_say_so_when_they_last(valid: int) -> None:
     core = Core()
     run(core, 1000, 0.5)
-    used = core.flow.used
+    used = core.flow.readings_used
     assert all(run(core, 160, 0.5, valid=valid))
     assert not run(core, 100, 0.5, valid=valid)[-1]
-    assert core.flow.used == used
+    assert core.flow.readings_used == used
     x = core.x[0]
     run(core, 1000, 0.5)
     assert core.x[0] - x == pytest.approx(0.5, abs=0.004)
@@ -348,7 +348,7 @@ def test_a_drop_out_takes_its_own_way_with_it() -> None:
     for _ in range(20):
         run(core, SPAN, 0.5, valid=8)
         run(core, 4 * SPAN, 0.5)
-    assert core.flow.refused == 0
+    assert core.flow.readings_rejected == 0
     assert core.x[0] == pytest.approx(0.5 * core.time_us * 1e-6, abs=0.01)
 
 
@@ -359,7 +359,7 @@ def test_one_outlier_is_refused_and_nothing_else() -> None:
     run(core, SPAN, 0.5, [0.013, 0.0, 0.0])
     run(other, SPAN, 0.5, None)
     assert core.usable
-    assert core.flow.refused == 1
+    assert core.flow.readings_rejected == 1
     assert core.x == pytest.approx(other.x, abs=1e-9)
     assert core.p == pytest.approx(other.p, rel=1e-6)
 
@@ -385,15 +385,15 @@ def test_zeros_of_a_robot_that_stands_or_creeps_are_fine() -> None:
         said = math.floor(kept / 3e-4) * 3e-4
         kept -= said
         assert all(run(core, SPAN, 0.004, [said, 0.0, rng.normal(0.0, SD_RAD)]))
-    assert core.flow.refused == 0
+    assert core.flow.readings_rejected == 0
 
 
 def test_a_robot_that_stands_proves_nothing() -> None:
     core = Core()
     assert all(run(core, 2000, 0.0))
-    assert core.flow.used == 0
+    assert core.flow.readings_used == 0
     run(core, 20 * SPAN, 0.5)
-    assert core.flow.used == 20 - lib.OMNI_FLOW_GOOD
+    assert core.flow.readings_used == 20 - lib.OMNI_FLOW_QUALIFY_AFTER
 
 
 @pytest.mark.parametrize("angle", [math.pi / 2, math.pi, -math.pi / 2], ids=["left", "backwards", "right"])
@@ -402,7 +402,7 @@ def test_a_sensor_that_is_mounted_otherwise_is_noticed_and_right_once_it_is_told
     way = 0.5 * SPAN * TICK_S
     said = [way * math.cos(angle), -way * math.sin(angle), 0.0]
     assert not any(run(wrong, 1000, 0.5, said)[-10:])
-    assert wrong.flow.used == 0
+    assert wrong.flow.readings_used == 0
     assert all(run(right, 1000, 0.5, said))
     assert right.x[0] == pytest.approx(0.5, abs=0.006)
 
@@ -414,7 +414,7 @@ def test_another_floor_is_learned_after_a_while() -> None:
     usable = run(core, 1000, 0.5, slip=0.3)
     assert usable[-1]
     assert core.x[4] == pytest.approx(0.3, abs=0.02)
-    assert core.flow.refused >= lib.OMNI_FLOW_DOUBT
+    assert core.flow.readings_rejected >= lib.OMNI_FLOW_INFLATE_AFTER
 
 
 def test_late_ticks_a_pause_and_another_mount_begin_anew() -> None:
@@ -422,31 +422,31 @@ def test_late_ticks_a_pause_and_another_mount_begin_anew() -> None:
     run(core, 1000, 0.5)
     core.mount.scale = 1.01
     core.tick(straight(core, 0.5))
-    assert core.flow.used == 0
+    assert core.flow.readings_used == 0
     run(core, 500, 0.5)
-    assert core.flow.used > 0
+    assert core.flow.readings_used > 0
     core.time_us += 200000
     core.tick(straight(core, 0.5))
-    assert core.flow.used == 0
+    assert core.flow.readings_used == 0
 
 
 def test_with_a_gyro_the_turn_is_the_gyro_s() -> None:
     """Its bias and scale learn nothing from the floor, but everything stays positive."""
     core = Core()
-    core.config.gyro, core.config.q_turn, core.config.p_bias, core.config.p_scale = True, 2.5e-12, 1e-8, 2.5e-5
+    core.config.gyro, core.config.q_gyro, core.config.p_bias, core.config.p_scale = True, 2.5e-12, 1e-8, 2.5e-5
     lib.omni_pose_ekf_start_gyro(core.s, core.config)
-    turn = ffi.new("omni_ekf_turn_t *", {"rate_rad_s": 0.5, "leads": True, "rest": False})
+    turn = ffi.new("omni_ekf_gyro_rate_t *", {"rate_rad_s": 0.5, "overrides_wheels": True, "at_rest": False})
     wheels = core.matrix @ np.array([0.4, 0.0, 0.5]) / RADIUS_M * TICK_S / 0.95
     for tick in range(3000):
         core.time_us += 1000
         turned = ffi.new("float[4]", list(wheels))
-        lib.omni_pose_ekf_predict_turn(core.s, core.config, core.k, turned, turn, core.time_us)
+        lib.omni_pose_ekf_predict_gyro(core.s, core.config, core.k, turned, turn, core.time_us)
         if tick % SPAN == SPAN - 1 and tick > SPAN:
             said = [0.4 * SPAN * TICK_S - ARM[1] * 0.01, ARM[0] * 0.01, 0.2]
-            assert core.measure(said, 3).fits, "its own turn is not looked at"
+            assert core.measure(said, 3).within_gate, "its own turn is not looked at"
     p = np.array([list(row) for row in core.s.p])
     used = [0, 1, 2, 3, 4, 5, 7, 8]
     assert np.linalg.eigvalsh(p[np.ix_(used, used)]).min() > 0.0
-    assert core.s.slip[lib.OMNI_EKF_BIAS] == 0.0
-    assert core.s.slip[lib.OMNI_EKF_SCALE] == 0.0
+    assert core.s.error_state[lib.OMNI_EKF_GYRO_BIAS] == 0.0
+    assert core.s.error_state[lib.OMNI_EKF_GYRO_SCALE] == 0.0
     assert core.x[3:] == pytest.approx([0.05] * 3, abs=0.01)

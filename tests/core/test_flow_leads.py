@@ -51,15 +51,15 @@ def test_the_pose_goes_on_from_the_start_of_the_reading(wheels: int, rows: int) 
     x, p = core.x, core.p
     moved = ahead(core, 0.5, 0.4, slip, SPAN)
     by_wheels = core.x[2] - x[2]
-    result = core.measure(reading_of(moved), rows, lead_nis=16.0)
-    assert result.led
-    assert not result.fits
+    result = core.measure(reading_of(moved), rows, override_nis=16.0)
+    assert result.overrode_wheels
+    assert not result.within_gate
     if rows == 3:
         assert core.x[:3] == pytest.approx(carried(x, moved), abs=2e-5)
         doubt = SD_RAD**2
     else:
         assert core.x[2] - x[2] == pytest.approx(by_wheels, abs=1e-6)
-        doubt = (result.apart_m / core.k.b[0][2]) ** 2
+        doubt = (result.residual_m / core.k.b[0][2]) ** 2
     assert (core.x[3:] == x[3:]).all(), "a wheel that spins teaches no slip ratio"
     way = core.x[:2] - x[:2]
     f = np.array([[1.0, 0.0, -way[1]], [0.0, 1.0, way[0]], [0.0, 0.0, 1.0]])
@@ -85,7 +85,7 @@ def test_a_late_fix_sees_the_way_that_the_sensor_saw(age: int) -> None:
     moved = np.zeros(3)
     for _ in range(3):
         moved = carried(moved, ahead(core, 0.5, 0.4, SPINS, SPAN))
-        assert core.measure(reading_of(ahead(Core(), 0.5, 0.4, SPINS, SPAN)), 3, lead_nis=16.0).led
+        assert core.measure(reading_of(ahead(Core(), 0.5, 0.4, SPINS, SPAN)), 3, override_nis=16.0).overrode_wheels
     ahead(core, 0.5, 0.4, np.full(3, 0.04), age)
     before = core.x
     for axis in range(3):
@@ -105,7 +105,7 @@ def test_readings_that_end_within_a_slot_lose_no_way(age: int) -> None:
     for _ in range(100):
         start = core.x
         moved = ahead(core, 0.5, 0.4, SPINS, SPAN)
-        assert core.measure(reading_of(moved), 3, age, lead_nis=16.0).led
+        assert core.measure(reading_of(moved), 3, age, override_nis=16.0).overrode_wheels
         off.append(core.x[:3] - carried(start, moved))
     total = np.abs(np.sum(off, axis=0))
     assert total[2] < 0.05, "a slot of the wheel's spin turns by 20 mrad"
@@ -121,12 +121,12 @@ def proved() -> Drive:
     """A robot whose sensor may lead; it stands then for a second."""
     drive = Drive()
     drive.go(12.0)
-    assert drive.core.flow.right
+    assert drive.core.flow.alignment_verified
     start = drive.core.time_us // 1000
     last = np.array([0.5 * math.cos(1.3e-3 * start), 0.5 * math.sin(0.7e-3 * start), math.sin(0.5e-3 * start)])
     drive.steer = partial(stopping, start, last)
     drive.go(1.0)
-    assert drive.core.flow.long_fits >= lib.OMNI_FLOW_LEAD
+    assert drive.core.flow.long_distance_fits >= lib.OMNI_FLOW_OVERRIDE_AFTER
     return drive
 
 
@@ -166,7 +166,7 @@ def test_one_way_that_is_dead_stays_found_while_the_other_fits() -> None:
         last = np.array(((0.5, 0.0, 0.0), (0.0, 0.5, 0.0))[leg % 2])
         drive.steer = partial(stopping, start, last)
         drive.go(0.2, said=lambda way: np.array([0.0, way[1], way[2]]))
-    assert drive.core.flow.refused > 100
+    assert drive.core.flow.readings_rejected > 100
     assert drive.error_m < drive.error_alone_m + 0.3
 
 
@@ -192,12 +192,12 @@ def test_a_fix_within_a_reading_on_ice_is_no_refusal() -> None:
     drive.core.config.gate, drive.core.config.gate_restart = 0.0, 25
     ramp(drive, 0.6, 0.0, 0.0)
     drive.slip = np.roll(SPINS, 1)
-    refused = drive.core.flow.refused
+    refused = drive.core.flow.readings_rejected
     for _ in range(4):
         assert all(drive.go(1.0))
         assert drive.core.correct(drive.pose) == lib.OMNI_OK
         drive.go(0.009)
-    assert drive.core.flow.refused == refused
+    assert drive.core.flow.readings_rejected == refused
     assert drive.error_m < 0.02
 
 
@@ -217,10 +217,10 @@ def test_a_turn_of_the_body_is_no_change_of_speed(turning: float) -> None:
     drive.steer = steer
     drive.go(1.0)
     drive.slip = np.roll(SPINS, 1)
-    used, refused = drive.core.flow.used, drive.core.flow.refused
+    used, refused = drive.core.flow.readings_used, drive.core.flow.readings_rejected
     drive.go(2.0)
-    assert drive.core.flow.refused == refused
-    assert drive.core.flow.used == used + 100
+    assert drive.core.flow.readings_rejected == refused
+    assert drive.core.flow.readings_used == used + 100
     assert drive.error_m < 0.1
 
 
@@ -239,7 +239,7 @@ def test_a_turn_that_nothing_measures_is_as_unsure_as_it_can_be() -> None:
     led = 0
     for _ in range(50):
         ahead(core, 0.5, 0.0, np.roll(SPINS, 1), SPAN)
-        led += core.measure([0.5 * SPAN * TICK_S, 0.0, 0.0], 2, lead_nis=16.0).led
+        led += core.measure([0.5 * SPAN * TICK_S, 0.0, 0.0], 2, override_nis=16.0).overrode_wheels
     assert led > 25
     assert abs(core.x[2]) > 1.0
     assert abs(core.x[2]) < 2.0 * math.sqrt(core.p[2, 2])
@@ -249,28 +249,28 @@ def test_a_turn_that_nothing_measures_is_as_unsure_as_it_can_be() -> None:
 def test_a_robot_whose_wheel_spins_knows_where_it_is() -> None:
     drive = Drive()
     drive.go(12.0)
-    assert drive.core.flow.right
+    assert drive.core.flow.alignment_verified
     drive.slip = SPINS
     assert all(drive.go(4.0))
-    assert drive.core.flow.refused <= 1
+    assert drive.core.flow.readings_rejected <= 1
     assert drive.error_m < 0.02
     assert drive.error_alone_m > 0.5
     drive.slip = np.array([0.02, 0.05, 0.03])
     assert all(drive.go(6.0))
-    assert not drive.core.flow.leads
+    assert not drive.core.flow.overriding
     assert drive.error_m < 0.03
 
 
 def test_one_that_has_not_proved_where_it_points_does_not_lead() -> None:
     drive = Drive()
     drive.go(0.5)
-    assert not drive.core.flow.right
-    used = drive.core.flow.used
+    assert not drive.core.flow.alignment_verified
+    used = drive.core.flow.readings_used
     drive.slip = SPINS
     for _ in range(10):
         drive.go(0.1)
-        assert drive.core.flow.led == 0
-    assert drive.core.flow.used < used + 10
+        assert drive.core.flow.override_count == 0
+    assert drive.core.flow.readings_used < used + 10
 
 
 @pytest.mark.full
@@ -283,7 +283,7 @@ def test_it_leads_for_ten_seconds_at_most() -> None:
         drive.slip = random.permutation(SPINS)
         usable += drive.go(0.02)
     readings = usable.index(False) / SPAN
-    assert 0.95 * lib.OMNI_FLOW_LED < readings < 1.2 * lib.OMNI_FLOW_LED
+    assert 0.95 * lib.OMNI_FLOW_MAX_OVERRIDES < readings < 1.2 * lib.OMNI_FLOW_MAX_OVERRIDES
 
 
 @pytest.mark.full
@@ -292,9 +292,9 @@ def test_a_reading_that_no_body_can_drive_does_not_lead_nor_do_those_after_it() 
     drive.go(12.0)
     drive.slip = SPINS
     drive.go(0.5)
-    assert drive.core.flow.led > 10
-    used, refused = drive.core.flow.used, drive.core.flow.refused
+    assert drive.core.flow.override_count > 10
+    used, refused = drive.core.flow.readings_used, drive.core.flow.readings_rejected
     jumps = iter([np.array([0.02, 0.0, 0.0])])
     drive.go(0.3, said=lambda way: way + next(jumps, np.zeros(3)))
-    assert drive.core.flow.refused > refused + 10
-    assert drive.core.flow.used <= used + 1
+    assert drive.core.flow.readings_rejected > refused + 10
+    assert drive.core.flow.readings_used <= used + 1

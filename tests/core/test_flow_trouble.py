@@ -20,7 +20,7 @@ def test_a_covariance_that_rounding_has_spoilt_makes_nothing_of_nothing() -> Non
         core.s.p[3 + i][3 + i] = -1.0
     before = core.x
     result = core.measure([0.01, 0.0, 0.0], 3)
-    assert not result.fits
+    assert not result.within_gate
     assert math.isfinite(result.nis)
     assert core.x == pytest.approx(before, abs=1e-7)
     assert np.isfinite(core.p).all()
@@ -32,8 +32,8 @@ def test_a_way_within_its_noise_proves_nothing_of_where_it_points() -> None:
     core = Core()
     core.mount.r_xy = 1e-6
     run(core, 4000, 0.06, [-0.06 * SPAN * TICK_S, 0.0, 0.0])
-    assert core.flow.refused == 0
-    assert core.flow.used == 0
+    assert core.flow.readings_rejected == 0
+    assert core.flow.readings_used == 0
     core.mount.r_xy = SD_M**2
     assert not run(core, 1000, 0.06, [-0.06 * SPAN * TICK_S, 0.0, 0.0])[-1]
 
@@ -49,7 +49,7 @@ def test_wrong_units_are_noticed_and_teach_nothing(factor: list[float]) -> None:
     for tick in range(2000):
         core.tick(wheels, list(said) if tick % SPAN == SPAN - 1 else None)
     assert not core.usable
-    assert core.flow.used == 0
+    assert core.flow.readings_used == 0
     assert core.x[3:] == pytest.approx([0.0] * 3, abs=1e-6)
 
 

@@ -19,7 +19,7 @@ class Drive:
     """A robot that drives to and fro in all directions and turns; its sensor, and the same robot without one."""
 
     def __init__(self, turning: float = 1.0, slip: Array = SLIP, speed: float = 0.5) -> None:
-        self.core, self.alone = Core(), Core()
+        self.core, self.dead_reckoning = Core(), Core()
         self.pose, self._way, self._turning, self.slip, self._speed = np.zeros(3), np.zeros(3), turning, slip, speed
         self._random = np.random.default_rng(1)
         self.steer: Callable[[int], Array] | None = None
@@ -57,7 +57,7 @@ class Drive:
                 reading = None if silent else list(said(seen))
                 self._way[:] = 0.0
             self.core.tick(wheels, reading)
-            self.alone.predict(wheels)
+            self.dead_reckoning.predict(wheels)
             usable.append(self.core.usable)
         return usable
 
@@ -73,14 +73,14 @@ class Drive:
     @property
     def error_alone_m(self) -> float:
         """The same without it."""
-        return self._off(self.alone.x, self.pose)
+        return self._off(self.dead_reckoning.x, self.pose)
 
 
 def test_the_direction_of_a_sensor_is_measured_while_the_wheels_slip() -> None:
     drive = Drive()
     drive.go(6.0, math.radians(6.0))
     assert drive.core.usable
-    assert drive.core.flow.off_rad == pytest.approx(-math.radians(6.0), abs=math.radians(1.5))
+    assert drive.core.flow.misalignment_rad == pytest.approx(-math.radians(6.0), abs=math.radians(1.5))
 
 
 def test_straight_ahead_tells_no_direction() -> None:
@@ -88,7 +88,7 @@ def test_straight_ahead_tells_no_direction() -> None:
     for tick in range(4000):
         reading = [0.5 * SPAN * TICK_S, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None
         core.tick(straight(core, 0.5, 0.2), reading)
-    assert core.flow.off_rad == 0.0
+    assert core.flow.misalignment_rad == 0.0
     assert core.usable
 
 
@@ -120,10 +120,10 @@ def test_one_that_comes_loose_on_the_way_is_found_and_its_last_metres_are_taken_
 def test_one_that_is_put_right_is_used_again() -> None:
     drive = Drive()
     drive.go(6.0, math.radians(30.0))
-    used = drive.core.flow.used
+    used = drive.core.flow.readings_used
     assert not drive.core.usable
     assert drive.go(8.0)[-1]
-    assert drive.core.flow.used > used + 50
+    assert drive.core.flow.readings_used > used + 50
 
 
 def test_one_that_fits_only_now_and_then_is_not_used_for_long() -> None:
@@ -156,7 +156,7 @@ def test_one_outlier_is_no_direction() -> None:
     outlier = iter([np.array([0.0, 0.2, 0.0])])
     usable = drive.go(4.0, said=lambda way: next(outlier, way))
     assert all(usable)
-    assert abs(drive.core.flow.off_rad) < 0.02
+    assert abs(drive.core.flow.misalignment_rad) < 0.02
 
 
 @pytest.mark.full
@@ -164,7 +164,7 @@ def test_turning_on_the_spot_tells_no_direction() -> None:
     """The sensor is 72 mm off the centre; counts are rounded."""
     drive = Drive(turning=1.0, slip=np.full(3, 0.05), speed=0.0)
     assert all(drive.go(30.0))
-    assert drive.core.flow.off_rad == 0.0
+    assert drive.core.flow.misalignment_rad == 0.0
 
 
 @pytest.mark.full
@@ -183,7 +183,7 @@ def test_a_slippery_floor_from_the_start_is_learned(slip: float) -> None:
     drive = Drive(slip=np.full(3, slip))
     drive.go(20.0)
     assert drive.core.usable
-    assert drive.core.flow.used > 700
+    assert drive.core.flow.readings_used > 700
     assert drive.error_m < 0.5 * drive.error_alone_m
 
 
@@ -197,10 +197,10 @@ def test_readings_that_come_at_rest_end_the_silence() -> None:
         usable.append(core.usable)
     assert not usable[600]
     assert all(usable[800:])
-    assert core.flow.used == 0
+    assert core.flow.readings_used == 0
     for tick in range(3000, 3400):
         core.tick(straight(core, 0.5), [0.5 * SPAN * TICK_S, 0.0, 0.0] if tick % SPAN == SPAN - 1 else None)
-    assert core.flow.used > 0
+    assert core.flow.readings_used > 0
 
 
 @pytest.mark.full

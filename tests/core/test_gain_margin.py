@@ -50,7 +50,7 @@ def test_margin_is_k_less_three_sigma_of_the_slip_error(robot_name: str, mode: s
     cover, left = np.eye(n) * bench.values[lib.OMNI_PARAM_EKF_P_SLIP] ** 2, np.zeros(n)
     if mode == "SLIP":  # no fix has come, so nothing is fed forward
         cover = np.array([[ekf.p[3 + i][3 + j] for j in range(n)] for i in range(n)])
-        left = np.array([ekf.slip[i] for i in range(n)])
+        left = np.array([ekf.error_state[i] for i in range(n)])
     bound = np.abs(rows @ left) + 3.0 * np.sqrt(np.diag(rows @ cover @ rows.T))
     k = np.array([0.03, 0.03, 0.1])
     np.testing.assert_allclose([out.ismc_margin[i] for i in range(3)], k - bound, atol=1e-6)

@@ -34,7 +34,7 @@ class Filter:
         self.k = ffi.new("omni_kinematics_t *")
         assert lib.omni_kinematics_init(self.k, geometry) == lib.OMNI_OK
         values = {"mode": mode, "q_xy": Q_XY, "q_theta": Q_THETA, "q_slip": Q_SLIP, "p_slip": P_SLIP, "r_xy": 25e-6}
-        values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "gyro": True, "p_bias": P_BIAS}
+        values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "has_gyro": True, "p_bias": P_BIAS}
         values |= {"q_turn": DENSITY**2 * TICK_S, "p_scale": P_SCALE}
         self.config = ffi.new("omni_pose_ekf_config_t *", values)
         self.gyro_config = ffi.new("omni_gyro_config_t *", {"axis": axis, "scale": 1.0, "range_rad_s": 8.0})
@@ -46,10 +46,10 @@ class Filter:
 
     def predict(self, turned: Any, rate: float, leads: bool = True, rest: bool = False) -> None:
         """One tick of the pose filter alone."""
-        turn = ffi.new("omni_ekf_turn_t *", {"rate_rad_s": rate, "leads": leads, "rest": rest})
+        turn = ffi.new("omni_ekf_gyro_rate_t *", {"rate_rad_s": rate, "overrides_wheels": leads, "at_rest": rest})
         self.time_us += 1000
         wheels = ffi.new("float[4]", list(turned))
-        lib.omni_pose_ekf_predict_turn(self.s, self.config, self.k, wheels, turn, self.time_us)
+        lib.omni_pose_ekf_predict_gyro(self.s, self.config, self.k, wheels, turn, self.time_us)
 
     def tick(
         self,
@@ -66,7 +66,7 @@ class Filter:
         """
         readings = ffi.new("float[3]")
         readings[axis - 1] = reading
-        values = {"time_us": self.time_us + 1000, "reading": readings, "valid": valid, "timed": True}
+        values = {"time_us": self.time_us + 1000, "reading": readings, "valid": valid, "interval_valid": True}
         values |= {
             "duration_s": TICK_S,
             "wheels_rad_s": body_rad_s,
@@ -78,7 +78,7 @@ class Filter:
         usable = bool(lib.omni_gyro_step(self.gyro, self.gyro_config, told, self.s, self.config, self.k))
         turn = self.gyro.turn
         self.predict(
-            [body_rad_s * DISTANCE_M / RADIUS_M * TICK_S] * self.wheels, turn.rate_rad_s, turn.leads, turn.rest
+            [body_rad_s * DISTANCE_M / RADIUS_M * TICK_S] * self.wheels, turn.rate_rad_s, turn.overrides_wheels, turn.at_rest
         )
         return usable
 
@@ -94,18 +94,18 @@ class Filter:
 
     @property
     def x(self) -> Array:
-        return np.array([self.s.pose.x, self.s.pose.y, self.s.pose.theta, *self.s.slip])
+        return np.array([self.s.pose.x, self.s.pose.y, self.s.pose.theta, *self.s.error_state])
 
     @property
     def p(self) -> Array:
         copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
-        lib.omni_pose_ekf_settle(copy, self.config, self.k)
+        lib.omni_pose_ekf_propagate_covariance(copy, self.config, self.k)
         return np.array([list(row) for row in copy.p])
 
     @property
     def bias(self) -> tuple[float, float]:
         """Bias and its standard deviation."""
-        return float(self.s.slip[lib.OMNI_EKF_BIAS]), math.sqrt(self.s.p[7][7])
+        return float(self.s.error_state[lib.OMNI_EKF_GYRO_BIAS]), math.sqrt(self.s.p[7][7])
 
 
 class Reference:
@@ -240,7 +240,7 @@ def test_late_fixes_are_exact_with_a_scale_other_than_one(age_ticks: int) -> Non
     """The gyro reads a sixth too little, the filter knows it, and the fixes are right: they have nothing to correct."""
     core = Filter(mode=lib.OMNI_EKF_MODE_POSE)
     lib.omni_pose_ekf_start_gyro(core.s, core.config)
-    core.s.slip[lib.OMNI_EKF_SCALE] = 0.2
+    core.s.error_state[lib.OMNI_EKF_GYRO_SCALE] = 0.2
     core.s.p[8][8] = 1e-12
     core.predict(np.zeros(3), 0.0)
     body = np.array([0.4, 0.1, 1.5])
@@ -334,11 +334,11 @@ def test_it_leads_only_after_a_rest() -> None:
     core = Filter()
     for _ in range(500):
         core.tick(0.3, 0.31 + 1e-4 * (core.time_us % 7000))
-        assert not core.gyro.turn.leads
+        assert not core.gyro.turn.overrides_wheels
     core = Filter()
     core.rest()
     core.tick(0.3, 0.304)
-    assert core.gyro.turn.leads
+    assert core.gyro.turn.overrides_wheels
     assert core.s.pose.theta == pytest.approx(0.3e-3, rel=1e-2)
 
 
@@ -358,7 +358,7 @@ def test_a_bias_that_has_jumped_is_learned_anew_after_half_a_minute() -> None:
     for tick in range(32000):
         core.tick(0.0, 0.054 + 1e-3 * (tick % 3 - 1))
     assert core.bias[0] == pytest.approx(0.054, abs=1e-4)
-    assert core.gyro.turn.rest
+    assert core.gyro.turn.at_rest
 
 
 @pytest.mark.parametrize(
@@ -374,13 +374,13 @@ def test_readings_that_cannot_be_true_leave_it_to_the_wheels(reading: float, val
     for _ in range(30):
         usable = core.tick(0.3, reading, valid)
     assert not usable
-    assert not core.gyro.turn.leads
+    assert not core.gyro.turn.overrides_wheels
     before = core.s.pose.theta
     core.tick(0.3, reading, valid)
     assert core.s.pose.theta - before == pytest.approx(0.3e-3, rel=0.02)
     good = [core.tick(0.3, 0.304 + 1e-3 * (tick % 3 - 1)) for tick in range(120)]
     assert good.index(True) == lib.OMNI_GYRO_GOOD_SAMPLES - 1
-    assert core.gyro.turn.leads
+    assert core.gyro.turn.overrides_wheels
     assert np.isfinite(core.x).all()
     assert np.isfinite(core.p).all()
 
@@ -394,7 +394,7 @@ def test_a_stuck_gyro_is_noticed_and_a_short_gap_is_not() -> None:
     core.rest()
     for tick in range(400):  # 100 Hz: held for ten ticks
         assert core.tick(0.3, 0.304 + 1e-3 * (tick % 30 - 15), 7 if tick % 10 == 0 else 0)
-    assert core.gyro.turn.leads
+    assert core.gyro.turn.overrides_wheels
 
 
 @pytest.mark.parametrize(("axis", "factor"), [(-3, 1.0), (3, 0.0), (3, 0.2), (3, 3.0)], ids=str)

@@ -42,7 +42,7 @@ def test_a_gyro_that_has_agreed_is_believed_though_wheels_skid(share: float) -> 
     core.rest()
     assert turned(core, 0.5, 0.5, 1.0)
     assert turned(core, 1.0, share, 60.0)
-    assert core.gyro.turn.leads
+    assert core.gyro.turn.overrides_wheels
 
 
 def test_a_held_robot_keeps_its_heading_for_nine_radians_of_its_wheels() -> None:
@@ -56,7 +56,7 @@ def test_a_held_robot_keeps_its_heading_for_nine_radians_of_its_wheels() -> None
     assert math.sqrt(core.p[2][2]) > 1.5, "either the wheels or the gyro are right, so the heading is not known"
     assert not turned(core, 0.5, 0.45, 12.0)
     assert turned(core, 0.5, 0.45, 4.0), "it sees again"
-    assert core.gyro.turn.leads
+    assert core.gyro.turn.overrides_wheels
 
 
 def test_a_gyro_with_a_wrong_sign_leaves_the_heading_sure() -> None:
@@ -91,7 +91,7 @@ def test_a_bias_that_steps_does_not_turn_a_robot_that_holds_its_heading(step_rad
     assert turned(core, 0.5, 0.5, 1.0)
     heading, refused = hold(core, step_rad_s, 60.0)
     assert abs(heading) < 0.05 + abs(step_rad_s), "it goes on for ten seconds, and is put back"
-    assert refused >= lib.OMNI_GYRO_TOLD_TICKS, "it is said"
+    assert refused >= lib.OMNI_GYRO_WARNING_TICKS, "it is said"
     assert core.bias[0] == pytest.approx(0.004 + step_rad_s, abs=0.005)
     assert math.sqrt(core.p[2][2]) > 5.0 * abs(step_rad_s), "the heading is as unsure as it was wrong"
 

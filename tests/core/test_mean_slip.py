@@ -24,7 +24,7 @@ from tests.core.test_pose_ekf import (
     reference,
 )
 
-ALONE_TICKS = lib.OMNI_EKF_ALONE_US // TICK_US
+ALONE_TICKS = lib.OMNI_EKF_DEAD_RECKONING_AFTER_US // TICK_US
 SLOT_TICKS = lib.OMNI_EKF_SLOT_TICKS
 SEEN_TICKS = 250
 """So long after a fix a ratio counts as seen."""
@@ -36,11 +36,11 @@ SLIPS = np.array([0.06, 0.02, -0.03])
 
 def known(rate: float = RATE, wheels: int = 3, **options: Any) -> Ekf:
     """Return a filter that knows its slip ratios, which do not become less sure, and that has just begun."""
-    ekf = Ekf(wheels, SLIP, noise=reference.Noise(q_slip=0.0), mean_rate=rate, **options)
+    ekf = Ekf(wheels, SLIP, noise=reference.Noise(q_slip=0.0), mean_reversion=rate, **options)
     ekf.predict([0.0] * wheels)  # it takes on its mode
     for i in range(wheels):
-        ekf.s.slip[i] = SLIPS[i % 3]
-        ekf.s.history[0].slip[i] = SLIPS[i % 3]
+        ekf.s.error_state[i] = SLIPS[i % 3]
+        ekf.s.history[0].error_state[i] = SLIPS[i % 3]
         ekf.s.p[3 + i][3 + i] = KNOWN
     return ekf
 
@@ -55,15 +55,15 @@ class GyroEkf(Ekf):
 
     def predict(self, turned: Any, count: int = 1) -> None:
         wheels = ffi.new("float[4]", list(turned))
-        turn = ffi.new("omni_ekf_turn_t *", {"rate_rad_s": self.rate_rad_s, "leads": self.leads})
+        turn = ffi.new("omni_ekf_gyro_rate_t *", {"rate_rad_s": self.rate_rad_s, "overrides_wheels": self.overrides_wheels})
         for _ in range(count):
             self.time_us += TICK_US
-            lib.omni_pose_ekf_predict_turn(self.s, self.config, self.k, wheels, turn, self.time_us)
+            lib.omni_pose_ekf_predict_gyro(self.s, self.config, self.k, wheels, turn, self.time_us)
 
 
 def tell(ekf: Ekf) -> None:
     """A fix that changes nothing has come now."""
-    ekf.s.told_us = ekf.s.last_fix_us = ekf.time_us
+    ekf.s.last_absolute_update_us = ekf.s.last_fix_us = ekf.time_us
 
 
 def means(ekf: Ekf) -> Array:
@@ -71,7 +71,7 @@ def means(ekf: Ekf) -> Array:
 
 
 def slips(ekf: Ekf) -> Array:
-    return np.array([ekf.s.slip[i] for i in range(ekf.wheels)])
+    return np.array([ekf.s.error_state[i] for i in range(ekf.wheels)])
 
 
 def learned(rate: float = RATE, ways_m: float = 4.0) -> Ekf:
@@ -89,21 +89,21 @@ def test_the_mean_over_a_way_is_that_of_the_ratios_weighted_with_what_the_wheel_
     """One metre of "nothing slips" counts along: after 4 m it is 4/5 of them, and a ratio that changes is averaged."""
     ekf = learned(ways_m=4.0)
     assert means(ekf) == pytest.approx(SLIPS * 4.0 / 5.0, rel=3e-3)
-    before = ekf.s.mean_way_m[0]
+    before = ekf.s.mean_slip_distance_m[0]
     assert before == pytest.approx(4.0, rel=0.01)
     for i in range(3):
-        ekf.s.slip[i] = 0.1
+        ekf.s.error_state[i] = 0.1
     for _ in range(round(3.0 / (SLOT_TICKS * 0.2 * GEOMETRY[3].radius_m))):
         tell(ekf)
         ekf.predict([0.2, -0.2, 0.2], SLOT_TICKS)
-    way = ekf.s.mean_way_m[0]
+    way = ekf.s.mean_slip_distance_m[0]
     assert way == pytest.approx(7.0, rel=0.01)
     assert means(ekf) == pytest.approx((SLIPS * before + 0.1 * (way - before)) / (way + 1.0), rel=5e-3)
 
 
 def test_the_way_counts_up_to_ten_metres() -> None:
     ekf = learned(ways_m=14.0)
-    assert ekf.s.mean_way_m[1] == 10.0
+    assert ekf.s.mean_slip_distance_m[1] == 10.0
     assert means(ekf) == pytest.approx(SLIPS, rel=0.1)
 
 
@@ -119,20 +119,20 @@ def test_it_learns_nothing(why: str) -> None:
         ekf.predict([0.0] * 3, SEEN_TICKS)
     ekf.predict([0.0 if why == "it stands" else 0.02] * 3, SEEN_TICKS)
     assert (means(ekf) == 0.0).all()
-    assert ekf.s.mean_way_m[0] == 0.0
+    assert ekf.s.mean_slip_distance_m[0] == 0.0
 
 
 def test_ratios_return_two_seconds_after_the_last_fix_and_no_sooner() -> None:
     ekf = learned()
     for i in range(3):
-        ekf.s.slip[i] = 0.1
+        ekf.s.error_state[i] = 0.1
     tell(ekf)
     ekf.predict([0.02] * 3, SEEN_TICKS)
     mean = means(ekf)
     ekf.predict([0.02] * 3, ALONE_TICKS - SEEN_TICKS)
     assert slips(ekf) == pytest.approx(0.1, abs=1e-7)
     assert (means(ekf) == mean).all(), "a ratio of which nothing new is known teaches nothing"
-    way = ekf.s.mean_way_m[0]
+    way = ekf.s.mean_slip_distance_m[0]
     slots = 150
     ekf.predict([0.02] * 3, slots * SLOT_TICKS)
     left = (1.0 - RATE * way / (way + 1.0)) ** slots
@@ -146,7 +146,7 @@ def test_ratios_return_two_seconds_after_the_last_fix_and_no_sooner() -> None:
 
 def test_a_wheel_that_stands_keeps_its_ratio() -> None:
     ekf = learned()
-    ekf.s.slip[0] = ekf.s.slip[1] = 0.1
+    ekf.s.error_state[0] = ekf.s.error_state[1] = 0.1
     ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
     assert slips(ekf)[:2] == pytest.approx(0.1, abs=1e-7)
     ekf.predict([0.02, 0.0, 0.02], 50 * SLOT_TICKS)
@@ -162,7 +162,7 @@ def test_a_mean_that_was_never_seen_changes_nothing(robot: str) -> None:
     """
     kind, wheels = (GyroEkf, 3) if robot == "gyro" else (Ekf, 4 if robot == "four wheels" else 3)
     turned = np.array([0.02, 0.01, -0.01, 0.01])[:wheels]
-    found = [kind(wheels, SLIP, r_null=6.6e-11, mean_rate=rate) for rate in (0.0, 1.0)]
+    found = [kind(wheels, SLIP, r_null=6.6e-11, mean_reversion=rate) for rate in (0.0, 1.0)]
     for ekf in found:
         if isinstance(ekf, GyroEkf):  # it turns 3 % less than the wheels
             ekf.rate_rad_s = 0.97e3 * (GEOMETRY[3].inverse[2] @ turned) * GEOMETRY[3].radius_m
@@ -174,7 +174,7 @@ def test_a_mean_that_was_never_seen_changes_nothing(robot: str) -> None:
 def test_a_sensor_of_motion_over_the_floor_keeps_the_ratios_where_it_sees_them() -> None:
     ekf = learned()
     for i in range(3):
-        ekf.s.slip[i] = 0.1
+        ekf.s.error_state[i] = 0.1
     ekf.predict([0.0] * 3, 2 * ALONE_TICKS)
     for _ in range(50):
         ekf.s.flow_slots = 5
@@ -200,7 +200,7 @@ def test_a_restart_forgets_the_means(how: str) -> None:
         ekf.config.mode = POSE
         ekf.predict([0.0] * 3)
     assert not means(ekf).any()
-    assert ekf.s.mean_way_m[0] == 0.0
+    assert ekf.s.mean_slip_distance_m[0] == 0.0
 
 
 def test_the_parameter_is_a_time_constant() -> None:
@@ -208,7 +208,7 @@ def test_the_parameter_is_a_time_constant() -> None:
     for return_s, rate in ((0.0, 0.0), (10.0, 4e-4), (1e-4, 1.0)):
         values = scenario.with_parameters({"EKF_RETURN": return_s}).parameter_values()
         config = robot_config(values, scenario.robot.table, 0)
-        assert config.pose_ekf.mean_rate == pytest.approx(rate)
+        assert config.pose_ekf.mean_reversion == pytest.approx(rate)
 
 
 @pytest.mark.reference
@@ -220,12 +220,12 @@ def test_a_late_fix_after_a_return_is_exact(wheels: int, kind: type[Ekf], age_ti
     The gyro is there, but gives no turn: its own corrections in between are no part of the late fix's formula.
     """
     ticks = ALONE_TICKS + 400
-    ekf = kind(wheels, SLIP, mean_rate=0.02)
+    ekf = kind(wheels, SLIP, mean_reversion=0.02)
     if isinstance(ekf, GyroEkf):
-        ekf.leads = False
+        ekf.overrides_wheels = False
     ekf.predict([0.0] * wheels)
     for i in range(wheels):
-        ekf.s.mean_slip[i], ekf.s.mean_way_m[i] = SLIPS[i % 3], 10.0
+        ekf.s.mean_slip[i], ekf.s.mean_slip_distance_m[i] = SLIPS[i % 3], 10.0
     ekf.config.p_slip = 0.25
     motion: list[tuple[Array, Array]] = []
     for turned in drive(wheels, ticks, 5):

@@ -21,7 +21,7 @@ def test_four_wheels_that_differ_add_up_to_the_plain_sum_without_fixes() -> None
     for turned in drive(4, 10_000, 19):
         for ekf in (slipping, plain):
             ekf.predict(float32(turned * DIFFER))
-    assert list(slipping.s.slip)[:4] == [0.0] * 4
+    assert list(slipping.s.error_state)[:4] == [0.0] * 4
     np.testing.assert_allclose(slipping.x[:3], plain.x[:3], atol=1e-6)
 
 
@@ -32,7 +32,7 @@ def test_four_wheels_stop_learning_from_their_null_direction_when_fixes_stop() -
         ekf.predict(float32(turned * DIFFER))
         if tick % 20 == 0 and 1000 < tick < 4000:
             ekf.correct(ekf.x[:3])
-        seen.append(list(ekf.s.slip)[:4])
+        seen.append(list(ekf.s.error_state)[:4])
     assert seen[990] == [0.0] * 4, "no fix yet"
     assert np.abs(seen[3990]).max() > 0.0
     assert seen[6100] == seen[-1], "the last fix was 2 s ago"

@@ -86,12 +86,12 @@ class Ekf:
     @property
     def x(self) -> Array:
         s = self.s
-        return np.array([s.pose.x, s.pose.y, s.pose.theta, *(s.slip[i] for i in range(self.wheels))])[: self.states]
+        return np.array([s.pose.x, s.pose.y, s.pose.theta, *(s.error_state[i] for i in range(self.wheels))])[: self.states]
 
     def settled(self) -> Any:
         """Return a copy of the state whose covariance is that of now."""
         copy = ffi.new("omni_pose_ekf_state_t *", self.s[0])
-        lib.omni_pose_ekf_settle(copy, self.config, self.k)
+        lib.omni_pose_ekf_propagate_covariance(copy, self.config, self.k)
         return copy
 
     @property
@@ -102,11 +102,11 @@ class Ekf:
     def snapshot(self) -> bytes:
         """All bytes but counters and diagnostics."""
         copy = self.settled()
-        copy.refused = copy.refused_in_row = 0
+        copy.refused = copy.consecutive_refusals = 0
         copy.nis = 0.0
         copy.innovation = [0.0] * 3
-        copy.refused_first = copy.refused_against = ffi.new("omni_pose_t *")[0]
-        copy.refused_from_m = 0.0
+        copy.first_refused_fix = copy.first_refused_estimate = ffi.new("omni_pose_t *")[0]
+        copy.first_refused_distance_m = 0.0
         return bytes(ffi.buffer(copy))
 
 
@@ -272,7 +272,7 @@ def test_outliers_are_refused_and_persistent_ones_restart() -> None:
     assert ekf.s.nis > 25.0
     assert ekf.snapshot() == before
     assert ekf.correct(ekf.x[:3]) == lib.OMNI_OK
-    assert ekf.s.refused_in_row == 0
+    assert ekf.s.consecutive_refusals == 0
     for attempt in range(5):
         ekf.predict([0.001] * 3, 20)
         here = (5.0, 1.0, 2.0 + 0.02 * 0.0508 / 0.2632 * attempt)
@@ -307,7 +307,7 @@ def test_unusable_fixes_change_nothing() -> None:
     assert ekf.correct(here, 300_000) == lib.OMNI_ERR_TIME
     assert ekf.snapshot() == before
     assert ekf.s.refused == 7
-    assert ekf.s.refused_in_row == 0
+    assert ekf.s.consecutive_refusals == 0
     assert ekf.correct(here, -4_000) == lib.OMNI_OK
     assert ekf.correct(here) == lib.OMNI_ERR_TIME  # not newer than the last one
     assert (ekf.s.accepted, ekf.s.refused) == (1, 8)
@@ -389,7 +389,7 @@ def test_slip_of_a_wheel_at_rest_does_not_drift() -> None:
         ekf.predict(sideways)
         if tick % 20 == 0:
             ekf.correct(ekf.x[:3] + rng.normal(0, 0.005, 3))
-    assert ekf.s.slip[0] == 0.0
+    assert ekf.s.error_state[0] == 0.0
     assert ekf.p[3, 3] == np.float32(0.0064)
     assert ekf.p[4, 4] < 0.0064
 
@@ -426,13 +426,13 @@ def test_reset_and_mode_change_leave_no_slip_behind() -> None:
     assert np.abs(ekf.x[3:]).max() > 0.0
     ekf.config.mode = POSE
     ekf.predict([0.003, -0.001, 0.002])
-    assert [ekf.s.slip[i] for i in range(4)] == [0.0] * 4
+    assert [ekf.s.error_state[i] for i in range(4)] == [0.0] * 4
     assert all(ekf.s.p[a][b] == 0.0 for a in range(7) for b in range(3, 7))
     ekf.config.mode = SLIP
     ekf.predict([0.003, -0.001, 0.002])
     assert ekf.p[3, 3] == np.float32(0.0064)
     lib.omni_pose_ekf_reset(ekf.s, ekf.config, ffi.new("omni_pose_t *", (1, 2, 3)), 0.0, 0.0)
-    assert [ekf.s.slip[i] for i in range(4)] == [0.0] * 4
+    assert [ekf.s.error_state[i] for i in range(4)] == [0.0] * 4
     assert ekf.s.accepted == 0
     np.testing.assert_allclose(ekf.x[:3], [1, 2, 3])
 

@@ -26,7 +26,7 @@ def test_a_restart_trusts_the_wheels_again_from_the_fix_on(ticks_late: int) -> N
     straight = GEOMETRY[3].matrix @ [0.5, 0.2, 0.0] / RADIUS_m * 1e-3
     ekf.predict(straight, 399)
     for wheel, slip in enumerate((0.3, -0.2, 0.1)):
-        ekf.s.slip[wheel] = slip
+        ekf.s.error_state[wheel] = slip
     ekf.predict(straight, 51)
     fix = np.array([3.0, -2.0, 0.0])
     assert ekf.correct(fix, ticks_late * TICK_US) == lib.OMNI_OK
@@ -42,7 +42,7 @@ def test_the_past_stays_what_it_was_when_the_mode_changes(ticks_after: int) -> N
     turned = [0.02, -0.01, 0.03]
     ekf.predict(turned, 400)
     for wheel in range(3):
-        ekf.s.slip[wheel] = 0.4
+        ekf.s.error_state[wheel] = 0.4
     ekf.predict(turned, 8)
     then = ekf.x[:3]
     ekf.predict(turned, 2)

@@ -48,7 +48,7 @@ def test_a_demand_beyond_the_limits_keeps_its_direction(kind: str) -> None:
         rate = out.reference.rate
         assert rate.wz / rate.vx == pytest.approx(left[1] / left[0], rel=0.05)
     else:
-        rate = bench.robot.guide.ramped
+        rate = bench.robot.reference_generator.reference_rate
         assert rate.wz / rate.vx == pytest.approx(wanted[2] / wanted[0], rel=1e-4)
     assert rate.vy / rate.vx == pytest.approx(1.0 / 3.0, rel=0.02)
 
@@ -58,7 +58,7 @@ def test_a_pose_takes_over_the_speed_of_a_body_velocity_in_the_world() -> None:
     for _ in range(40):
         bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(0.05, 0.0, 0.0))
         out = bench.tick(count=10)
-    assert bench.robot.guide.ramped.vx == pytest.approx(0.05, rel=1e-3)
+    assert bench.robot.reference_generator.reference_rate.vx == pytest.approx(0.05, rel=1e-3)
     bench.command(lib.OMNI_SETPOINT_POSE, pose=(0.0, 2.0, math.pi / 2))
     out = bench.tick()
     heading = out.pose.theta
@@ -76,14 +76,14 @@ def test_a_body_velocity_takes_over_the_speed_of_a_pose_in_the_body() -> None:
     bench.command(lib.OMNI_SETPOINT_VELOCITY_BODY, twist=(speed, 0.0, 0.0))
     bench.tick()
     step = bench.config.limits.acceleration_m_s2 * TICK_US * 1e-6
-    assert bench.robot.guide.ramped.vx == pytest.approx(speed, abs=1.5 * step)
-    assert bench.robot.guide.ramped.vy == pytest.approx(0.0, abs=1.5 * step)
+    assert bench.robot.reference_generator.reference_rate.vx == pytest.approx(speed, abs=1.5 * step)
+    assert bench.robot.reference_generator.reference_rate.vy == pytest.approx(0.0, abs=1.5 * step)
 
 
 def test_a_stop_of_the_trajectory_hides_no_other_event() -> None:
     bench = turned(0.0)
     assert bench.tick(lib.OMNI_EVENT_TRAJECTORY_STOP | lib.OMNI_EVENT_DISARM).state == lib.OMNI_STATE_DISARMED
     bench.follow(TRJ_TYPE=3.0, TRJ_PERIOD=30.0)
-    assert bench.robot.guide.trajectory != 0
+    assert bench.robot.reference_generator.trajectory != 0
     bench.tick(lib.OMNI_EVENT_TRAJECTORY_STOP)
-    assert int(bench.robot.guide.trajectory == bench.plan) == 0
+    assert int(bench.robot.reference_generator.trajectory == bench.plan) == 0

@@ -18,12 +18,12 @@ ARRIVES = {
     "MOT_J": ("direct_torque.wheel_inertia_kg_m2", 0.03125),
     "DT_GRIP": ("direct_torque.grip", 0.375),
     "DT_SLIP": ("direct_torque.slip_limit_m_s", 0.25),
-    "DT_EMF": ("torque_emf", 0.5),
+    "DT_EMF": ("emf_compensation", 0.5),
     "LIM_V": ("limits.speed_m_s", 0.75),
     "LIM_W": ("limits.turn_rad_s", 1.25),
     "LIM_A": ("limits.acceleration_m_s2", 1.5),
     "LIM_WHEEL": ("direct_torque.wheel_limit_rad_s", 12.5),
-    "TRJ_MARGIN": ("limits.reference_share", 0.625),
+    "TRJ_MARGIN": ("limits.wheel_speed_fraction", 0.625),
     "SAFE_ERR_XY": ("limits.error_m", 0.5),
     "SAFE_ERR_TH": ("limits.error_rad", 0.75),
     "WS_FF_S": ("wheel_speed.ff_static_V", 0.5),
@@ -83,7 +83,7 @@ def test_every_value_out_of_its_range_is_refused_and_named() -> None:
 def test_opposed_voltages_move_no_body(wheels: int) -> None:
     """At equal motors they are torques t: the body feels J^T t, where J gives the wheels' speeds per body rate."""
     config = Bench().configure(WHEELS=float(wheels), WHEEL_RADIUS=0.04)
-    opposed = np.array(list(config.wheel_speed.opposed))
+    opposed = np.array(list(config.wheel_speed.null_direction))
     columns = []
     for rate in np.eye(3):
         speeds = ffi.new("float[4]")

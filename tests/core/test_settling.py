@@ -28,7 +28,7 @@ def compare(p: Array, exact: Array, relative: float) -> None:
 
 
 def settle(ekf: Any) -> None:
-    lib.omni_pose_ekf_settle(ekf.s, ekf.config, ekf.k)
+    lib.omni_pose_ekf_propagate_covariance(ekf.s, ekf.config, ekf.k)
 
 
 def both(ekf: Ekf, exact: Any, motion: Array, step_us: int = 1000) -> Iterator[int]:
@@ -52,7 +52,7 @@ def test_after_any_tick_it_is_what_following_each_tick_gives(wheels: int, mode: 
     exact = make_reference(ekf)
     for tick in both(ekf, exact, drive(wheels, 400, 5, speed=30.0)):
         compare(ekf.p, exact.p, relative=5e-5)  # 400 ticks, each rounded to 6e-8
-        assert ekf.s.unsettled_ticks == (tick + 1) % 4, "a tick alone leaves it until the slot ends"
+        assert ekf.s.unpropagated_ticks == (tick + 1) % 4, "a tick alone leaves it until the slot ends"
 
 
 @MODES
@@ -119,7 +119,7 @@ def test_a_gyro_that_is_switched_within_a_slot_leaves_nothing_of_it_out(phase: i
             core.config.gyro = not first
             move(core, turned, rate, gyro=not first)
     compare(left.p, settled.p, relative=1e-5)
-    assert left.s.slot_tick == 1, "the slot ended where the states changed"
+    assert left.s.slot_ticks == 1, "the slot ended where the states changed"
 
 
 def move(core: GyroFilter, turned: Array, rate: float, gyro: bool) -> None:
@@ -135,12 +135,12 @@ def test_a_gyro_that_starts_anew_within_a_slot_has_only_what_came_since() -> Non
     core = GyroFilter()
     for turned, rate in rates(core, 402):
         core.predict(turned, rate)
-    assert core.s.slot_tick == 2
+    assert core.s.slot_ticks == 2
     lib.omni_pose_ekf_start_gyro(core.s, core.config)
     for turned, rate in rates(core, 1):
         core.predict(turned, rate)
     p = core.p
-    bias = 3 + lib.OMNI_EKF_BIAS
+    bias = 3 + lib.OMNI_EKF_GYRO_BIAS
     assert p[bias, bias] == pytest.approx(core.config.p_bias, rel=1e-3)
     assert p[2, bias] == pytest.approx(-1e-3 * core.config.p_bias, rel=1e-2), "one tick of 1 ms, not three"
 
@@ -196,5 +196,5 @@ def test_a_gyro_that_was_wrong_is_taken_back_with_the_covariance_of_now() -> Non
             each.predict(turned, rate)
     settle(settled)
     for each in (core, settled):
-        lib.omni_pose_ekf_turn_back(each.s, each.config, each.k, 1.5, 30.0, 0.5)
+        lib.omni_pose_ekf_undo_gyro_turn(each.s, each.config, each.k, 1.5, 30.0, 0.5)
     assert np.array_equal(core.p, settled.p)

@@ -179,7 +179,7 @@ def balanced(radii: Sequence[float], integrals: Sequence[float], limit: float = 
     loops = Loops(wheels)
     loops.config.pid.integral_limit = limit
     if wheels == 4:
-        loops.config.opposed = list(null_space(layout_of_four(radii).T)[:, 0])
+        loops.config.null_direction = list(null_space(layout_of_four(radii).T)[:, 0])
     for i in range(4):
         loops.state.pid[i].integral = integrals[i]
     lib.omni_wheel_speed_balance(loops.state, loops.config)

@@ -39,6 +39,6 @@ int log_read(uint8_t *memory, uint8_t *data) {
     MemoryFlash flash(memory);
     omni::FlashLog log(flash);
     log.begin();
-    return log.read(0, data, omni::FlashLog::capacity) && !log.doubtful() ? 1 : 0;
+    return log.read(0, data, omni::FlashLog::capacity) && !log.may_hold_unreadable_data() ? 1 : 0;
 }
 }

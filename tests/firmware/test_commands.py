@@ -237,7 +237,7 @@ def test_refusals_are_said_once_a_second(robot: Client) -> None:
     for _ in range(1500):
         send_pose(robot, math.nan, 0, 0)
         texts += [m.text for m in robot.tick().others if m.get_type() == "STATUSTEXT"]
-    assert 1 <= sum("set-point refused" in text for text in texts) <= 2
+    assert 1 <= sum("setpoint refused" in text for text in texts) <= 2
 
 
 def test_a_trajectory_asked_for_while_disarmed_starts_with_arming(robot: Client) -> None:

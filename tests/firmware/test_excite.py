@@ -119,7 +119,7 @@ def test_a_stop_in_the_same_tick_wins(robot: Client) -> None:
         ((VOLTAGE, 1, 12.5, 1), (0, 0), "beyond LIM_DUTY of BAT_V_NOM"),
         ((POSE, 0, -0.3, 1), (0, 0), "beyond half of SAFE_ERR_XY"),
         ((POSE, 2, 0.8, 1), (0, 0), "beyond half of SAFE_ERR_TH"),
-        ((POSE, 0, 0.01, 1), (0, 0), "needs a held pose, or pose set-points"),
+        ((POSE, 0, 0.01, 1), (0, 0), "needs a held pose, or pose setpoints"),
     ],
 )
 def test_what_does_not_fit_is_refused_and_nothing_moves(

@@ -33,7 +33,7 @@ TRY_AGAIN = mav.MAV_RESULT_TEMPORARILY_REJECTED
 SILENCE_S = 10.0
 STOP_SILENCE_S = 1.0
 """Of docs/reference/protocol.md."""
-LEFT = "host-in-the-loop left: its host is silent"
+LEFT = "HIL left: no sensor messages"
 STOPS = {"disarm": (DISARM, DISARMED), "estop": (EMERGENCY, ESTOP), "terminate": (TERMINATE, ESTOP)}
 
 
@@ -198,7 +198,7 @@ def test_the_loop_is_not_entered_while_the_motors_may_move_or_are_stopped_for_go
     assert robot.ask(link, HIL_ON) == TRY_AGAIN, "the stop is on its way"
     robot.tick(3)
     assert robot.ask(link, HIL_ON) == DENIED
-    assert "host-in-the-loop: release the emergency stop first" in robot.texts(link)
+    assert "HIL: release the emergency stop first" in robot.texts(link)
     assert robot.state() == ESTOP
     assert robot.ask(link, RELEASE) == ACCEPTED
     robot.tick(3)

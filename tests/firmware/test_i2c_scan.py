@@ -123,7 +123,7 @@ def test_leaving_no_scan_behind_when_host_in_the_loop_begins_anew(robot: Client)
     assert robot.armed().tick().actuators.state == ARMED
 
 
-CANCELLED = "I2C scan cancelled: host-in-the-loop switched"
+CANCELLED = "I2C scan cancelled: HIL switched"
 
 
 @pytest.mark.pc_only

@@ -225,7 +225,7 @@ def test_a_host_that_vanishes_from_the_loop_leaves_a_robot_on_its_own_clock() ->
         host.armed()
         assert watcher.command(HIL, 1) == mav.MAV_RESULT_DENIED
         host.socket.close()
-        watcher.wait_for(lambda one: "host-in-the-loop left" in getattr(one, "text", ""), "the loop is not left")
+        watcher.wait_for(lambda one: "HIL left" in getattr(one, "text", ""), "the loop is not left")
         beat = out_of_the_loop(watcher)
         assert not beat.base_mode & mav.MAV_MODE_FLAG_SAFETY_ARMED
         watcher.socket.close()

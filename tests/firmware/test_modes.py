@@ -154,5 +154,5 @@ def test_a_velocity_with_a_heading_turns_to_it_and_not_beyond(robot: FakeRobot, 
 def test_a_heading_that_is_no_number_is_refused(robot: FakeRobot) -> None:
     robot.armed()
     stream(robot, velocity_with_heading(math.nan), 0.3)
-    assert any("set-point refused" in text for text in robot.texts())
+    assert any("setpoint refused" in text for text in robot.texts())
     assert not wheels_turn(robot)

@@ -56,7 +56,7 @@ def refusals(robot: FakeRobot, request: bytes) -> list[str]:
     robot.tick(1100)  # a stream's refusals are said once a second
     robot.send(USB, request)
     robot.tick()
-    return [text for text in robot.texts() if text.startswith("set-point refused")]
+    return [text for text in robot.texts() if text.startswith("setpoint refused")]
 
 
 @pytest.fixture
@@ -217,7 +217,7 @@ TAKEN = {
 @pytest.mark.parametrize("name", REFUSED)
 def test_what_cannot_be_is_refused_and_moves_nothing(robot: FakeRobot, name: str) -> None:
     request, why = REFUSED[name]
-    assert refusals(robot, request) == [f"set-point refused: {why}"]
+    assert refusals(robot, request) == [f"setpoint refused: {why}"]
     robot.tick(20)
     assert not robot.driven()
 

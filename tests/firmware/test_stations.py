@@ -273,7 +273,7 @@ def test_set_points_of_a_drive_that_another_station_ended_never_move_the_robot_a
     drives_on(two, 0.6, two.first, two.second)
     assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
     assert not drives_on(two, 1.5, two.first, two.second)
-    assert "set-point refused: its drive has ended" in two.texts
+    assert "setpoint refused: its drive has ended" in two.texts
     assert two.first.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
     assert drives_on(two, 0.6, two.first, two.second), "a drive of its own"
 
@@ -286,7 +286,7 @@ def test_a_drive_ends_before_its_first_set_point_too(two: TwoLinks, name: str) -
     two.run(0.1, two.first, two.second)
     assert two.second.command(ARM, 1) == mav.MAV_RESULT_ACCEPTED
     assert not drives_on(two, 1.0, two.first, two.second)
-    assert "set-point refused: its drive has ended" in two.texts
+    assert "setpoint refused: its drive has ended" in two.texts
 
 
 def test_offboard_starts_a_new_drive_of_its_station_but_not_before_the_robot_is_armed(two: TwoLinks) -> None:

@@ -120,4 +120,4 @@ def test_set_points_that_stop_are_said_with_the_limit(robot: Client) -> None:
     drive(robot, 100, (0.0, 0.0, 0.1))
     said = [m.text for t in robot.ticks(700) for m in t.others if m.get_type() == "STATUSTEXT"]
     assert "failsafe: command loss" in said
-    assert "no set-point for SAFE_CMD_TO 0.5 s" in said
+    assert "no setpoint for SAFE_CMD_TO 0.5 s" in said

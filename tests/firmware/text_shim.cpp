@@ -52,6 +52,6 @@ void gate_count(uint32_t number) {
 }
 
 uint32_t gate_take_left_out(uint64_t now_us) {
-    return gate.take_left_out(now_us);
+    return gate.take_suppressed_count(now_us);
 }
 }

@@ -9,7 +9,7 @@ extern "C" {
 void jitter_run(const uint64_t *starts_ns, uint32_t count, float *out) {
     omni::TickJitter jitter;
     for (uint32_t i = 0; i < count; ++i) {
-        jitter.started(starts_ns[i]);
+        jitter.record_start(starts_ns[i]);
         out[i] = jitter.max_us();
     }
 }

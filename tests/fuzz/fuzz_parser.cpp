@@ -40,7 +40,7 @@ struct Parsed {
     size_t largest = 0; ///< bytes fed at once
 };
 
-void take_frames(omni::FrameParser &parser, size_t fed, Parsed *parsed) {
+void process_frames(omni::FrameParser &parser, size_t fed, Parsed *parsed) {
     omni::Frame frame;
     while (parser.next(&frame)) {
         Seen one{frame.id, frame.system, frame.component, {}};
@@ -71,11 +71,11 @@ Parsed with_our_parser(const Bytes &stream, Script &script) {
         std::memcpy(space, stream.data() + at, count);
         parser.received(count);
         at += count;
-        take_frames(parser, at, &parsed);
+        process_frames(parser, at, &parsed);
     }
     while (parser.waiting()) {
         parser.give_up_frame();
-        take_frames(parser, at, &parsed);
+        process_frames(parser, at, &parsed);
     }
     return parsed;
 }

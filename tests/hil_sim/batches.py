@@ -11,8 +11,8 @@ from omniwheel._core import lib
 def assert_the_same_without_lanes(scenario: Scenario, first_seed: int, runs: int) -> None:
     """Compare the rows of a batch, bit for bit, with those of runs computed one by one."""
     in_lanes = run_batch(scenario, first_seed, runs).rows.tobytes()
-    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    lib.hil_lanes_set_level(lib.HIL_LANES_NONE)
     try:
         assert run_batch(scenario, first_seed, runs).rows.tobytes() == in_lanes
     finally:
-        lib.hil_lanes_use(lib.HIL_LANES_BEST)
+        lib.hil_lanes_set_level(lib.HIL_LANES_BEST)

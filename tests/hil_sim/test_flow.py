@@ -174,7 +174,7 @@ def test_the_robot_says_that_it_leads_on_ice_and_nowhere_else() -> None:
     told = []
     for _ in range(15000):
         lib.hil_run_advance(run, 1)
-        told.append((run.world.pose[0] < 0.02, bool(run.outputs.flow_leads)))
+        told.append((run.world.pose[0] < 0.02, bool(run.outputs.flow_overriding)))
     on_ice, leads = np.array(told).T
     assert leads[on_ice].mean() > 0.1
     assert not leads[~on_ice].any()

@@ -73,7 +73,7 @@ def stopping(**parameters: float) -> tuple[list[float], list[float], float]:
     x_m = run.world.pose[0]
     for run in drive.ticks(500, (0.0, 0.0, 0.0)):
         speeds.append(float(np.hypot(run.world.twist[0], run.world.twist[1])))
-        cuts.append(float(run.outputs.current_cut))
+        cuts.append(float(run.outputs.current_reduction))
     return speeds, cuts, float(run.world.pose[0] - x_m)
 
 

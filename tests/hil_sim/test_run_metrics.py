@@ -42,7 +42,7 @@ class CRun:
     def figures(self) -> Any:
         """Return what has been measured."""
         figures = ffi.new("hil_figures_t *")
-        lib.hil_figures_of(figures, ffi.addressof(self.c, "metrics"), self.wheels)
+        lib.hil_figures_from_metrics(figures, ffi.addressof(self.c, "metrics"), self.wheels)
         return figures
 
 

@@ -28,7 +28,7 @@ def waiting(*, looks: bool = True) -> Any:
     made = ffi.new("hil_waiting_t *")
     lib.hil_waiting_init(made, True)
     made.may_change = True
-    made.prefers_looking = made.patience.looks = looks
+    made.prefers_looking = made.poll_backoff.enabled = looks
     return made
 
 
@@ -66,7 +66,7 @@ class Run:
         """Let a turn pass; return whether it was looked."""
         lib.hil_waiting_turn(self.end, int(self.now_us))
         looks = bool(lib.hil_waiting_looks(self.end))
-        assert bool(self.end.patience.looks) == looks
+        assert bool(self.end.poll_backoff.enabled) == looks
         turn_us = machine.looking_us if looks else machine.asleep_us
         if looks and self.now_us - self.slept_us < machine.together_us:
             turn_us = 230.0
@@ -207,7 +207,7 @@ def test_asleep_means_asleep() -> None:
     for turn in range(20_000):
         lib.hil_waiting_turn(end, turn * 100)
         assert not lib.hil_waiting_looks(end)
-    assert (end.trials, bool(end.patience.looks)) == (0, False)
+    assert (end.trials, bool(end.poll_backoff.enabled)) == (0, False)
 
 
 @pytest.mark.parametrize("looks", [True, False])
@@ -216,17 +216,17 @@ def test_each_change_of_the_way_forgets_looks_in_vain(looks: bool) -> None:
     run = Run(waiting(looks=looks))
     tried = False
     while run.now_us < START_US + LONGEST_US:
-        run.end.patience.failures, run.end.patience.sleeps = 8, 254
+        run.end.poll_backoff.failures, run.end.poll_backoff.sleeps_left = 8, 254
         run.turn(QUIET)
         if bool(run.end.tries) != tried:
             tried = bool(run.end.tries)
-            assert (run.end.patience.failures, run.end.patience.sleeps) == (0, 0)
+            assert (run.end.poll_backoff.failures, run.end.poll_backoff.sleeps_left) == (0, 0)
     assert run.end.trials > 0
 
 
 def _looks(link: Any) -> None:
     link.waiting.may_change = False
-    link.waiting.prefers_looking = link.waiting.patience.looks = True
+    link.waiting.prefers_looking = link.waiting.poll_backoff.enabled = True
 
 
 def _sleeps(link: Any) -> None:

@@ -138,7 +138,7 @@ def test_what_is_no_line_is_refused_and_counted_and_the_next_one_counts(client: 
 def test_a_point_beyond_the_limits_is_refused_with_its_reason(client: MemoryClient, text: str) -> None:
     client.armed()
     client.line(text + text)
-    assert any("set-point refused" in said for said in heard_texts(client))
+    assert any("setpoint refused" in said for said in heard_texts(client))
     assert client.reference() == (0.0, 0.0, 0.0)
 
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file board.h  What the firmware asks of a board: small interfaces. Only firmware/boards/* implements them.
+/// @file board.h  Hardware abstraction: small interfaces that firmware/boards/* implements. The application uses
+/// nothing else.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +12,7 @@
 
 namespace omni {
 
-/// Monotonic time since boot. Never goes back; readable from the tick and from the background.
+/// Monotonic time since boot. Callable from the tick and from the background.
 class Clock {
 public:
     virtual uint64_t now_us() = 0;
@@ -25,11 +26,11 @@ protected:
 /// Wheel encoders: raw 32-bit counters that may wrap.
 class Encoders {
 public:
-    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return a bit per wheel whose
-    /// count can be trusted.
+    /// Read all counters at once, once per tick. @param counts OMNI_MAX_WHEELS entries. @return bit per wheel: its
+    /// count is valid.
     virtual uint8_t read(int32_t *counts) = 0;
     /// Illegal transitions (both channels changed at once) since boot. @param errors OMNI_MAX_WHEELS entries; 0 where
-    /// the decoder cannot tell.
+    /// the decoder cannot detect them.
     virtual void errors(uint32_t *errors) = 0;
 
 protected:
@@ -50,12 +51,12 @@ struct I2cTransaction {
     static constexpr size_t max_write = 40;
     static constexpr size_t max_read = 28;
     uint8_t address = 0;      ///< 7 bit
-    uint8_t write_length = 0; ///< 0..max_write; 0 and nothing to read: the address alone, to see who acknowledges it
+    uint8_t write_length = 0; ///< 0..max_write; 0 and nothing to read: address only, to probe for a device
     uint8_t read_length = 0;  ///< 0..max_read
     uint8_t write[max_write] = {};
 };
 
-/// What an I2C bus has counted since boot.
+/// Counters of an I2C bus since boot.
 struct I2cStats {
     uint32_t nacks = 0;
     uint32_t timeouts = 0;
@@ -69,11 +70,10 @@ public:
     /// Queue a batch; its transactions are joined by repeated START and end with one STOP, so the chip updates at once.
     /// @return false if the last batch is still busy (nothing is queued).
     virtual bool submit(const I2cTransaction *batch, size_t count) = 0;
-    /// How the last batch went; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
+    /// Result of the last batch; `read` gets max_read bytes of its last read. nack, stuck and done are reported once.
     virtual I2cStatus poll(uint8_t *read) = 0;
-    /// Longest time that poll() calls the last batch busy [us]: a bus that knows how long its batches take gives them
-    /// up by itself. 0: it does not.
-    virtual uint32_t patience_us() { return 0; }
+    /// Timeout after which poll() no longer reports the last batch as busy [us]. 0: the bus has no timeout.
+    virtual uint32_t max_busy_us() { return 0; }
     /// Start freeing a stuck bus (nine clocks, STOP) without waiting.
     virtual void recover() = 0;
     virtual I2cStats stats() { return {}; }
@@ -82,15 +82,16 @@ protected:
     ~I2cBus() = default;
 };
 
-/// The pin that lets the motors' signals through, or the bridges work: takes the power away without the motor driver.
-/// Off (motors coast) from reset on.
+/// Output-enable pin of the PWM chip or the bridges: removes motor power independently of the motor driver. Off (motors
+/// coast) after reset.
 class OutputEnable {
 public:
-    /// False where the pin is not wired: the bus is then the only way to stop a motor.
+    /// False: the pin is not wired, and the motors can be stopped through the driver only.
     virtual bool wired() = 0;
     /// Called from the tick, in every tick.
     virtual void set(bool on) = 0;
-    /// Drive it no more, as in reset, until the next set(): what its pull-up does alone. Off where a board cannot.
+    /// Make the pin high impedance, as in reset, until the next set(), so that its pull-up acts alone. Boards without
+    /// that drive it to off.
     virtual void release() { set(false); }
 
 protected:
@@ -103,15 +104,13 @@ struct MotorPinSteps {
     uint16_t second = 0;
 };
 
-/// PWM on the processor's own pins, for motor drivers without a chip of their own. All low from reset on, and after a
-/// crash.
+/// PWM on the processor's pins, for motor drivers without a PWM chip. All low after reset and after a crash.
 class MotorPins {
 public:
-    /// The pins lead to bridges of this kind. @param driver omni_mot_driver.
+    /// Are the pins wired to bridges of this kind? @param driver omni_mot_driver.
     virtual bool serves_driver(uint8_t driver) = 0;
     /// Called from the tick. @param steps one entry per wheel.
-    /// @return false if a pin does not give what it was told before: its timer has lost its settings. They are then set
-    /// anew.
+    /// @return false if a pin's timer has lost its settings; they are then written again.
     virtual bool set_steps(const MotorPinSteps *steps, size_t wheels) = 0;
 
 protected:
@@ -121,8 +120,8 @@ protected:
 /// A stop button: a normally-closed contact from a pulled-up pin to ground, so that a cut wire reads as pressed.
 class StopButton {
 public:
-    /// The level at this moment, not debounced. Called from the tick, in every tick, and from the background.
-    /// @return true: pressed, or a wire is cut.
+    /// Current level, not debounced. Called from the tick, in every tick, and from the background.
+    /// @return true: pressed, or a broken wire.
     virtual bool open() = 0;
 
 protected:
@@ -132,21 +131,20 @@ protected:
 /// A byte stream to a ground station or host. Used from the background only; never waits.
 class SerialPort {
 public:
-    /// @return bytes put into `data`, 0 if none wait.
+    /// Read received bytes. @return number of bytes put into `data`.
     virtual size_t read(uint8_t *data, size_t capacity) = 0;
-    /// @return bytes that `write` will take now.
+    /// @return free space of the transmit buffer [bytes].
     virtual size_t write_space() = 0;
-    /// All or nothing. @return false if there was no room.
+    /// Write all bytes or none. @return false if there was no room.
     virtual bool write(const uint8_t *data, size_t length) = 0;
-    /// Number of the present connection: rises with each new one, 0 while nobody is there. A radio is always
-    /// connected: 1.
+    /// Number of the current connection: increases with each new one, 0 while disconnected. A radio is always 1.
     virtual uint32_t session() = 0;
-    /// Others reach this port through the air: a signing key closes its door. LINK2_BAUD is about such ports' lines,
-    /// LINK2_LEGACY about the first of them.
+    /// The port is a radio: with a key set, frames must be signed. LINK2_BAUD applies to radio ports, LINK2_LEGACY to
+    /// the first of them.
     virtual bool is_radio() { return false; }
-    /// Whether set_baud() does anything.
+    /// Has the port a baud rate that set_baud() changes?
     virtual bool has_baud() { return false; }
-    /// Speed of the line [bit/s]. What was given to write() before still goes at the old one.
+    /// Set the baud rate [bit/s]. Bytes written before are still sent at the old one.
     virtual void set_baud(uint32_t) {}
 
 protected:
@@ -160,8 +158,8 @@ public:
     virtual bool read(size_t offset, uint8_t *data, size_t length) = 0;
     /// Power may fail after any byte. @return false on failure.
     virtual bool write(size_t offset, const uint8_t *data, size_t length) = 0;
-    /// It reads as erased, but may hold something that cannot be read now.
-    virtual bool doubtful() { return false; }
+    /// It reads as erased, but may contain data that cannot be read.
+    virtual bool may_hold_unreadable_data() { return false; }
 
 protected:
     ~Storage() = default;
@@ -171,7 +169,7 @@ protected:
 enum class ResetCause : uint8_t {
     power_on,
     watchdog,
-    software, ///< asked for, or the loader after an upload
+    software, ///< requested, or by the loader after an upload
     crash,
     over_temperature,
 };
@@ -181,8 +179,8 @@ class Watchdog {
 public:
     virtual void feed() = 0;
     virtual ResetCause reset_cause() = 0;
-    /// What the fault handler kept of the crash before the last reset: lines of at most 50 characters. nullptr: no
-    /// more.
+    /// Crash report of the fault handler before the last reset, in lines of at most 50 characters. nullptr: no such
+    /// line.
     virtual const char *crash_line(size_t number) = 0;
     /// Reset now (MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN).
     virtual void reset() = 0;
@@ -191,7 +189,7 @@ protected:
     ~Watchdog() = default;
 };
 
-/// A lamp that tells people what the robot is doing.
+/// Status LED.
 class StatusLight {
 public:
     virtual void set(bool on) = 0;
@@ -200,16 +198,16 @@ protected:
     ~StatusLight() = default;
 };
 
-/// Memory never used so far [bytes]; 0: not known.
+/// Memory never used since boot (high-water mark) [bytes]; 0: not known.
 struct MemoryFree {
     uint32_t stack = 0;
     uint32_t heap = 0;
 };
 
 /// 1.8 s of every signal of four wheels, a sample per tick.
-constexpr size_t usual_burst_bytes = size_t{192} * 1024;
+constexpr size_t default_burst_bytes = size_t{192} * 1024;
 
-/// Everything the application gets from its board.
+/// Interfaces and properties of a board.
 struct Board {
     static constexpr size_t max_ports = 4;
     Clock *clock = nullptr;
@@ -225,12 +223,12 @@ struct Board {
     size_t port_count = 0;
     Storage *storage = nullptr;
     Watchdog *watchdog = nullptr;
-    uint64_t serial_number = 0;                ///< tells this board from any other; 0: it has none
-    uint32_t wiring_id = 0;                    ///< of what is wired to this board; 0: nothing is
-    const omni_real_t *robot_values = nullptr; ///< parameter defaults of this robot, OMNI_PARAM_COUNT entries
+    uint64_t serial_number = 0;                ///< unique serial number; 0: none
+    uint32_t wiring_id = 0;                    ///< hash of the wiring compiled in; 0: none
+    const omni_real_t *robot_values = nullptr; ///< parameter defaults of the robot file, OMNI_PARAM_COUNT entries
     /// Supply voltage [V], or <= 0 if the board doesn't measure it.
     omni_real_t (*battery_V)() = nullptr;
-    /// For bursts (burst_recorder.h): aligned to 8 bytes, need not be cleared. nullptr: none can be recorded.
+    /// Memory for bursts (burst_recorder.h), aligned to 8 bytes, uninitialised. nullptr: no burst recording.
     uint8_t *burst_memory = nullptr;
     size_t burst_bytes = 0;
     /// nullptr: not known. Called from the background.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file build_id.h  Which version and commit the program was built from.
+/// @file build_id.h  Version and commit of the build.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@ struct BuildId {
     bool changed;     ///< tracked files differed from that commit
 };
 
-/// An object of its own: with another commit only these bytes of an image differ.
+/// In a separate object file, so that images of different commits differ in these bytes only.
 extern const BuildId build_id;
 
 } // namespace omni

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file core.h  The control core, seen from C++.
+/// @file core.h  The control core's C headers for C++.
 #pragma once
 
 extern "C" {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file crc32.h  CRC-32 (IEEE 802.3, reflected) of what is stored.
+/// @file crc32.h  CRC-32 (IEEE 802.3, reflected) of stored data.
 #pragma once
 
 #include <cstddef>
@@ -7,7 +7,7 @@
 
 namespace omni {
 
-/// @param before CRC of the bytes in front of these; 0: there are none.
+/// @param before CRC of the preceding bytes; 0: none.
 inline uint32_t crc32(const uint8_t *bytes, size_t length, uint32_t before = 0) {
     uint32_t crc = ~before;
     for (size_t i = 0; i < length; ++i) {

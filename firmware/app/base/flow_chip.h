@@ -1,43 +1,42 @@
 // SPDX-License-Identifier: MIT
-/// @file flow_chip.h  A sensor of motion over the floor on the board: what every driver does, and what it says when it
-/// cannot.
+/// @file flow_chip.h  Driver interface of a floor odometry sensor (optical flow or dead wheels) and its fault causes.
 ///
-/// Motors do not depend on it: without readings the core counts the wheels alone and shows the warning `flow`.
+/// Driving does not depend on it: without readings the core uses the wheels only and raises the warning `flow`.
 #pragma once
 
 #include <cstdint>
 
 namespace omni {
 
-/// Why there are no readings, or none to be trusted.
+/// Cause of missing or invalid readings.
 enum class FlowCause : uint8_t {
-    none,      ///< it reads, or is still starting
-    absent,    ///< nobody acknowledges its address
+    none,      ///< working, or still starting
+    absent,    ///< no device acknowledges its address
     bus,       ///< a line is held low, or a transfer takes too long
-    wrong_id,  ///< another chip answers: FlowTrouble::seen is what its identity register says
-    blind,     ///< it says that it does not see the floor: lifted, tilted, or a bad surface
-    unplugged, ///< it says that a wheel of it is not connected
-    broken,    ///< it says that a part of it has failed: FlowTrouble::seen is its status
-    restarted, ///< it is getting ready in the middle of a drive: a dip of its supply
-    jumped     ///< it has moved further than any robot does: it has restarted, or bits were lost on the wires
+    wrong_id,  ///< another chip responds: FlowTrouble::seen is its identity register
+    blind,     ///< the chip reports that it does not see the floor: lifted, tilted, or an unsuitable surface
+    unplugged, ///< the chip reports a disconnected dead wheel
+    broken,    ///< the chip reports a hardware failure: FlowTrouble::seen is its status
+    restarted, ///< the chip is initialising during a drive: supply brown-out
+    jumped     ///< implausible displacement: restart of the chip, or bit errors
 };
 
 struct FlowTrouble {
     FlowCause cause = FlowCause::none;
     uint8_t seen = 0;   ///< with wrong_id and broken
-    uint8_t wanted = 0; ///< what its identity register should say
+    uint8_t wanted = 0; ///< expected value of the identity register
 };
 
 class FlowChip {
 public:
-    /// From any context. @param wanted false: leave the bus alone and give no readings.
+    /// Enable or disable. Any context. @param wanted false: no bus access, no readings.
     virtual void use(bool wanted) = 0;
     /// Once per tick, from the tick; never waits. @param now_us robot clock.
-    /// @param moved x, y [m] and turn [rad] since the reading before, in the sensor's axes of mid-way; left as they are
-    /// where nothing is new. @param rests the robot has stood still for a while: a chip may calibrate its gyro.
+    /// @param moved out: x, y [m] and turn [rad] since the previous reading, in the sensor's axes at mid-interval;
+    /// unchanged without a new reading. @param rests the robot is at rest, so that the chip may calibrate its gyro.
     /// @return bits of omni_flow_tick_t::valid (omni/flow.h).
     virtual uint8_t read(uint64_t now_us, float *moved, bool rests) = 0;
-    /// From any context.
+    /// Current fault. Any context.
     virtual FlowTrouble trouble() const = 0;
 
 protected:

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: MIT
-/// @file robot_clock.h  The robot's time in this pass of the background: the board's, or the simulated one.
+/// @file robot_clock.h  Robot time of the current background pass: board time, or simulated time in
+/// hardware-in-the-loop.
 #pragma once
 
 #include <cstdint>
 
 namespace omni {
 
-/// The application sets it once per pass, and with each tick of a host in the loop. All others read it.
+/// Set by the application once per pass, and with each tick in hardware-in-the-loop.
 struct RobotClock {
     uint64_t now_us = 0;
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file snapshot.h  Lock-free exchange between the tick (an interrupt) and the background. No side ever waits for the
-/// other.
+/// @file snapshot.h  Lock-free, wait-free exchange between the tick (an interrupt) and the background.
 #pragma once
 
 #include <atomic>
@@ -9,15 +8,14 @@
 
 namespace omni {
 
-/// Latest value, from one side to the other: three slots, of which each side owns one and the third is passed to and
-/// fro.
+/// Latest value from one writer to one reader: triple buffer. Each side owns one slot and exchanges the third.
 template <class T>
 class Snapshot {
 public:
-    /// Writer: fill this, then publish().
+    /// Writer: slot to fill before publish().
     T &writing() { return slots_[write_]; }
     void publish() { write_ = middle_.exchange(write_ | fresh, std::memory_order_acq_rel) & index_mask; }
-    /// Reader: take the latest. @return false if nothing new was published; reading() then stays what it was.
+    /// Reader: switch to the latest value. @return false if nothing was published since; reading() is then unchanged.
     bool update() {
         if ((middle_.load(std::memory_order_acquire) & fresh) == 0) {
             return false;
@@ -36,27 +34,27 @@ private:
     std::atomic<uint8_t> middle_{2};
 };
 
-/// A large value that the background prepares and the tick then uses in place until it takes the next one. What is
-/// published and not yet taken may be replaced or withdrawn.
+/// Large value from the background to the tick, used in place (triple buffer). A published value that the tick has not
+/// taken may be replaced or withdrawn.
 template <class T>
-class Handover {
+class Mailbox {
 public:
-    /// Background: prepare the next value here.
+    /// Background: slot to fill before publish().
     T &scratch() { return slots_[free_]; }
-    /// Background: offer the scratch; the tick takes it at its next run.
+    /// Background: publish the scratch slot; the tick takes it at its next run.
     void publish() {
         const uint8_t offered = free_;
-        settle(mailbox_.exchange(offered, std::memory_order_acq_rel));
+        update_current(mailbox_.exchange(offered, std::memory_order_acq_rel));
         published_ = offered;
         free_ = static_cast<uint8_t>(slot_count - current_ - offered);
     }
-    /// Background: take back what the tick has not taken.
+    /// Background: withdraw a value that the tick has not taken.
     void withdraw() {
-        settle(mailbox_.exchange(none, std::memory_order_acq_rel));
+        update_current(mailbox_.exchange(none, std::memory_order_acq_rel));
         published_ = none;
         free_ = static_cast<uint8_t>(current_ == 0 ? 1 : 0);
     }
-    /// Tick: the new value, or nullptr. It stays valid until the next one is taken.
+    /// Tick: take a new value, or nullptr. It is valid until the next one is taken.
     const T *take() {
         const uint8_t slot = mailbox_.exchange(none, std::memory_order_acq_rel);
         return slot == none ? nullptr : &slots_[slot];
@@ -66,8 +64,8 @@ private:
     static constexpr uint8_t slot_count = 3;
     static constexpr uint8_t none = 0xFF;
 
-    /// Learn from what was in the mailbox whether the tick uses what was published last.
-    void settle(uint8_t left) {
+    /// Update `current_`: an empty mailbox means that the tick has taken the published slot.
+    void update_current(uint8_t left) {
         if (left == none && published_ != none) {
             current_ = published_;
         }
@@ -86,7 +84,7 @@ class Queue {
     static_assert((Capacity & (Capacity - 1)) == 0, "capacity must be a power of two");
 
 public:
-    /// @return false if it is full; nothing is queued then.
+    /// Append an item. @return false if the queue is full.
     bool push(const T &item) {
         const uint32_t head = head_.load(std::memory_order_relaxed);
         if (head - tail_.load(std::memory_order_acquire) == Capacity) {
@@ -96,7 +94,7 @@ public:
         head_.store(head + 1, std::memory_order_release);
         return true;
     }
-    /// The oldest item, or nullptr. Valid until drop().
+    /// Oldest item, or nullptr. Valid until drop().
     const T *front() const {
         const uint32_t tail = tail_.load(std::memory_order_relaxed);
         return tail == head_.load(std::memory_order_acquire) ? nullptr : &items_[tail & (Capacity - 1)];

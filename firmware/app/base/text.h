@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file text.h  Short texts for STATUSTEXT, built without a heap and without printf.
+/// @file text.h  Text builder for STATUSTEXT, without heap and printf.
 #pragma once
 
 #include <cmath>
@@ -9,8 +9,7 @@
 
 namespace omni {
 
-/// Text of at most 50 characters (one STATUSTEXT); more is cut. Not inline: a hundred texts are built in places where
-/// nobody waits, and a Teensy's fast memory is small.
+/// Text of at most 50 characters (one STATUSTEXT), truncated. Not inlined, to save fast memory: texts have no deadline.
 class Text {
 public:
     static constexpr size_t capacity = 50;

@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: MIT
 /// @file bmi270.h  The gyro in a BMI270 (Bosch data sheet BST-BMI270-DS000), for register_gyro.h.
 ///
-/// The chip measures only after 8192 bytes of Bosch's have been written to it, which the robot file names
-/// (config_file). They take 256 ticks.
+/// The chip requires an upload of Bosch's configuration file of 8192 bytes (config_file in the robot file): 256 ticks.
 ///
-/// Filter: the data sheet's 751 Hz at 3.2 kHz, halved by OSR2 to 376 Hz. The data sheet does not give its order. Taken
-/// for one of second order it is sqrt(2) / (2 pi f) = 0.60 ms late (calculated). Without OSR2 noise above 500 Hz would
-/// come back as slow noise, because it is read 1000 times a second.
+/// Filter: the data sheet's 751 Hz at 3.2 kHz, halved by OSR2 to 376 Hz. Delay sqrt(2) / (2 pi f) = 0.60 ms, calculated
+/// for a filter of second order (the data sheet does not give the order). OSR2 prevents aliasing of noise above 500 Hz
+/// at the read rate of 1 kHz.
 ///
-/// Not applied: Bosch's correction of x by a factor of z (GYR_CAS). It is below 13 % of the rate about z, which is
-/// nothing on a robot whose x axis points up.
+/// Not applied: Bosch's cross-axis correction of x by z (GYR_CAS), below 13 % of the rate about z, which is 0 if the x
+/// axis points up.
 #pragma once
 
 #include "app/drivers/gyro_registers.h"
@@ -43,8 +42,8 @@ inline constexpr uint8_t load_begin[] = {2, reg_init_ctrl, 0, 0};
 inline constexpr uint8_t load_end[] = {2, reg_init_ctrl, 1, 0};
 inline constexpr uint8_t settings[] = {3, reg_gyr_conf, quiet_3200_Hz_osr2, range_2000_dps, //
                                        3, reg_pwr_conf, no_power_save,      gyro_on,        0};
-/// The reset takes 2 ms. From power save to the next write it is 450 us, rounded up to ticks. The file is taken within
-/// 20 ms, with patience for 150 ms. The gyro is on after 45 ms.
+/// The reset takes 2 ms. From power save to the next write it is 450 us, rounded up to ticks. The file is processed
+/// within 20 ms (timeout 150 ms). The gyro is on after 45 ms.
 inline constexpr GyroStep steps[] = {
     {GyroStep::Kind::write, reset, 3000},
     {GyroStep::Kind::write, awake, 2000},

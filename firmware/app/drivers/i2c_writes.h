@@ -10,7 +10,7 @@
 
 namespace omni {
 
-/// One after the other: number of bytes, register, values. A number of 0 ends the list.
+/// Number of bytes, register, values, repeated. A number of 0 ends the list.
 /// At most I2cTransaction::max_write bytes each.
 using I2cWrites = const uint8_t *;
 

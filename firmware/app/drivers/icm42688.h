@@ -2,9 +2,9 @@
 /// @file icm42688.h  The gyro in an ICM-42688-P (TDK data sheet DS-000347), for register_gyro.h.
 ///
 /// Filters: anti-alias filter 488 Hz (DELT 11, DELTSQR 122, BITSHIFT 8). Then the UI filter, first order, bandwidth
-/// half the data rate. The first is of second order: sqrt(2) / (2 pi f) = 0.46 ms late. The other is 1 / (2 pi f) =
-/// 0.32 ms late, which makes 0.8 ms in all (calculated). Narrower ones would be quieter, but heading while turning
-/// would lag. Rollers shake at tens of hertz.
+/// half the data rate. Delays (calculated): sqrt(2) / (2 pi f) = 0.46 ms for the first, of second order, and 1 / (2 pi
+/// f) = 0.32 ms for the other. A lower bandwidth would reduce noise but delay the heading in turns. Roller vibration is
+/// at tens of hertz.
 #pragma once
 
 #include "app/drivers/gyro_registers.h"
@@ -24,8 +24,8 @@ constexpr uint8_t reg_bank_select = 0x76; ///< in every bank
 constexpr uint8_t reg_gyro_config_static3 = 0x0C; ///< anti-alias filter, to 0x0E
 
 constexpr uint8_t soft_reset = 0x01;
-/// Reset value 0x91, but with adaptive range (bits 7:6) off. The data sheet does not name these bits. Public drivers
-/// switch it off, because readings stand still for moments while the chip changes its range.
+/// Reset value 0x91, but with adaptive range (bits 7:6) off. The bits are undocumented. Public drivers
+/// disable it, as readings freeze briefly while the chip changes its range.
 constexpr uint8_t no_adaptive_range = 0x51;
 constexpr uint8_t gyro_low_noise = 0x0C; ///< accelerometer off
 constexpr uint8_t range_2000_dps_1_kHz = 0x06;
@@ -36,10 +36,10 @@ constexpr uint8_t aaf_bitshift = 8u << 4;
 constexpr uint8_t ui_first_order = 0x12;
 constexpr uint8_t ui_half_rate = 0x10; ///< the accelerometer's as after reset
 
-/// Whatever bank a start that was broken off has left.
+/// Select bank 0 first: an aborted start may have left another one.
 inline constexpr uint8_t bank_0[] = {2, reg_bank_select, 0, 0};
 inline constexpr uint8_t reset[] = {2, reg_device_config, soft_reset, 0};
-/// Switched on last: nothing may be written in the 200 us after it.
+/// The gyro is switched on last: no writes are allowed within 200 us after it.
 inline constexpr uint8_t settings[] = {2,
                                        reg_bank_select,
                                        1, //

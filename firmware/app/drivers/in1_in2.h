@@ -2,7 +2,7 @@
 /// @file in1_in2.h  Two PWM pins of the processor per motor, to IN1 and IN2 of an H-bridge (DRV8871, DRV8833, TB6612
 /// and their like).
 ///
-/// Driven, one input is high and the other low for the share of the duty; between pulses the bridge brakes. Duty 0:
+/// Driving: one input is high, the other low for the duty cycle; between pulses the bridge brakes. Duty 0:
 /// both high, brake. Off: both low, coast.
 #pragma once
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-/// @file lsm6dso.h  The gyro in an LSM6DSO (ST data sheet DS12140) and in its sister for industry, the ISM330DHCX
-/// (DS13012), for register_gyro.h. What is used here is the same in both, but for the identity.
+/// @file lsm6dso.h  The gyro in an LSM6DSO (ST data sheet DS12140) and in the ISM330DHCX (DS13012), for
+/// register_gyro.h. The registers used are identical except for the identity.
 ///
-/// Filters at 1.66 kHz: 453 Hz in all, with FTYPE 3 of the first low-pass filter. The data sheet does not give their
-/// order. Taken for one of second order they are sqrt(2) / (2 pi f) = 0.50 ms late (calculated).
+/// Filters at 1.66 kHz: 453 Hz in all, with FTYPE 3 of the first low-pass filter. Delay
+/// sqrt(2) / (2 pi f) = 0.50 ms, calculated for second order (the data sheet does not give the order).
 #pragma once
 
 #include "app/drivers/gyro_registers.h"
@@ -30,7 +30,7 @@ constexpr uint8_t no_i3c = 0xE2;
 constexpr uint8_t gyro_data_ready = 0x02;
 
 inline constexpr uint8_t reset[] = {2, reg_ctrl3_c, sw_reset, 0};
-/// Block update comes first: no half of an old reading.
+/// Block data update first, to avoid torn readings.
 inline constexpr uint8_t settings[] = {2,
                                        reg_ctrl3_c,
                                        block_update, //
@@ -47,7 +47,7 @@ inline constexpr uint8_t settings[] = {2,
                                        filter_453_Hz,
                                        high_performance,
                                        0};
-/// The reset takes 50 us; a chip that has just got its power needs 10 ms. The gyro is on after 70 ms.
+/// The reset takes 50 us; power-up takes 10 ms. The gyro is on after 70 ms.
 inline constexpr GyroStep steps[] = {{GyroStep::Kind::write, reset, 15'000}, {GyroStep::Kind::write, settings, 80'000}};
 /// From reg_ctrl1_xl on.
 inline constexpr uint8_t expected[] = {accelerometer_off, rate_1660_Hz_2000_dps, block_update,    filter_on,

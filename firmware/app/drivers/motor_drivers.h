@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file motor_drivers.h  One of each motor driver there is. The list is made from `motor_drivers` in
-/// shared/params.toml.
+/// @file motor_drivers.h  All motor drivers, generated from `motor_drivers` in shared/params.toml.
 #pragma once
 
 #include <cstdint>
@@ -11,7 +10,7 @@ namespace omni {
 
 class MotorDrivers {
 public:
-    /// @param number omni_mot_driver; the first driver if there is none of that number.
+    /// Driver by number. @param number omni_mot_driver; an unknown one gives the PCA9685.
     MotorDriver &of(uint8_t number) {
         switch (number) {
 #define OMNI_CASE(type, name, value)                                                                                   \

@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: MIT
 /// @file otos.h  SparkFun's Qwiic OTOS (a PAA5160E1 that sees the floor, and a 6-axis IMU), for register_flow.h.
 ///
-/// Registers and scales: SparkFun's public driver, version 1.0 of the chip's firmware. It counts a pose by itself, 417
-/// times a second: 16 bits for 20 m, and for a turn. It calibrates its gyro at power-up, in a hurry. The driver asks
-/// for 255 samples of 2.4 ms; the robot must stand for these 0.6 s. A pose that is written takes effect with its next
-/// cycle, within 2.4 ms. Tilted, it leaves its accelerometer out: that is no failure. SparkFun does not say how late
-/// the pose is. FLOW_DELAY is a guess until it has been measured.
+/// Registers and scales: SparkFun's public driver, version 1.0 of the chip's firmware. It integrates a pose at 417 Hz
+/// in 16 bits: 20 m, one turn. Its power-up calibration of the gyro is short; the driver requests 255 samples of 2.4
+/// ms, during which (0.6 s) the robot must be at rest. A written pose takes effect in its next cycle, within 2.4 ms.
+/// While tilted it ignores its accelerometer, which is no fault. The latency is not documented: FLOW_DELAY is an
+/// assumption until measured.
 #pragma once
 
 #include "app/drivers/pose_counter.h"
@@ -25,7 +25,7 @@ constexpr uint8_t samples = 255;
 constexpr uint8_t reset_tracking = 0x01;
 constexpr uint8_t all_processing = 0x0F; ///< look-up table, accelerometer, rotation, variances: as after reset
 constexpr uint8_t warn_optical = 0x02;
-constexpr uint8_t failed = 0xC0; ///< the optical chip, or the IMU
+constexpr uint8_t failed = 0xC0; ///< failure of the optical chip or the IMU
 
 constexpr float m_per_step = 10.0f / 32768.0f;
 constexpr float rad_per_step = 3.14159265f / 32768.0f;

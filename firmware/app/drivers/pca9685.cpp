@@ -19,14 +19,14 @@ constexpr uint8_t mode2_outdrv = 0x04;
 constexpr uint8_t prescale_1526_Hz = 3;
 constexpr uint8_t full = 0x10; ///< bit 4 of ON_H or OFF_H
 constexpr uint64_t oscillator_start_us = 500;
-constexpr uint16_t health_interval = 64; ///< updates between two looks at MODE1
-/// Ticks after which a busy bus counts as stuck, if it does not say so by itself.
+constexpr uint16_t health_interval = 64; ///< updates between two read-backs of MODE1
+/// Ticks after which a busy bus counts as stuck, for a bus without a timeout.
 constexpr uint32_t busy_limit = 5;
-/// Ticks in which a bus that says so by itself is sure to be asked again.
+/// Margin in ticks over the timeout of a bus that has one.
 constexpr uint32_t busy_spare = 2;
 
 uint32_t busy_ticks_allowed(I2cBus &bus) {
-    return std::max(busy_limit, bus.patience_us() / OMNI_TICK_US + busy_spare);
+    return std::max(busy_limit, bus.max_busy_us() / OMNI_TICK_US + busy_spare);
 }
 
 I2cTransaction write_of(std::initializer_list<uint8_t> bytes) {
@@ -61,33 +61,33 @@ bool operator==(const Wiring &a, const Wiring &b) {
 void Pca9685::restart() {
     phase_ = Phase::off;
     in_flight_ = false;
-    health_asked_ = false;
+    readback_in_flight_ = false;
     suspicious_ = false;
     busy_ticks_ = 0;
     failures_ = 0;
-    since_health_ = 0;
-    wrong_looks_ = failures_at_best_ = 0;
+    updates_since_readback_ = 0;
+    readback_errors_ = min_failures_ = 0;
 }
 
 void Pca9685::set_wiring(const Wiring &wiring) {
     if (!(wiring == wiring_)) {
         wiring_ = wiring;
-        lay_out_update();
+        build_update_layout();
         phase_ = Phase::off; // channels that are no longer ours must not stay on
     }
 }
 
 void Pca9685::succeeded(const uint8_t *read) {
-    if (health_asked_) {
-        since_health_ = 0;
+    if (readback_in_flight_) {
+        updates_since_readback_ = 0;
         suspicious_ = phase_ == Phase::ready && read[0] != mode1_awake;
         if (suspicious_) {
-            looked_wrong();
+            readback_failed();
             return;
         }
-        wrong_looks_ = failures_at_best_ = 0;
+        readback_errors_ = min_failures_ = 0;
     }
-    failures_ = failures_at_best_;
+    failures_ = min_failures_;
     if (phase_ == Phase::off) {
         phase_ = Phase::configure;
     } else if (phase_ == Phase::configure) {
@@ -97,20 +97,20 @@ void Pca9685::succeeded(const uint8_t *read) {
     }
 }
 
-/// It lost its power in between; or nothing reads it back, and then no set-up helps.
-void Pca9685::looked_wrong() {
+/// MODE1 was wrong: the chip lost its power, or reading back does not work, which an initialisation cannot fix.
+void Pca9685::readback_failed() {
     phase_ = Phase::off;
-    wrong_looks_ = omni_more_failures(wrong_looks_, 1);
-    if (wrong_looks_ >= wrong_looks_allowed) {
-        failures_at_best_ = UINT16_MAX;
+    readback_errors_ = omni_add_failures(readback_errors_, 1);
+    if (readback_errors_ >= max_readback_errors) {
+        min_failures_ = UINT16_MAX;
         ++errors_;
     }
-    failures_ = failures_at_best_;
+    failures_ = min_failures_;
 }
 
 void Pca9685::failed(I2cBus &bus, bool stuck, uint32_t updates) {
     ++errors_;
-    failures_ = omni_more_failures(failures_, updates);
+    failures_ = omni_add_failures(failures_, updates);
     suspicious_ = true;
     if (phase_ != Phase::ready) {
         phase_ = Phase::off;
@@ -138,11 +138,11 @@ void Pca9685::poll(MotorWires &wires) {
         failed(bus, status != I2cStatus::nack, 1 + busy_ticks_);
     }
     busy_ticks_ = 0;
-    health_asked_ = false;
+    readback_in_flight_ = false;
 }
 
-/// The update's addresses and lengths, which only the wiring decides; the tick fills in the counts.
-void Pca9685::lay_out_update() {
+/// Addresses and lengths of the update, from the wiring; the tick fills in the counts.
+void Pca9685::build_update_layout() {
     bool used[channels] = {};
     for (size_t i = 0; i < wiring_.wheels; ++i) {
         used[wiring_.in1[i] % channels] = true;
@@ -162,13 +162,13 @@ void Pca9685::lay_out_update() {
     update_[bursts_] = write_of({reg_mode1});
     update_[bursts_].read_length = 1;
     for (size_t i = 0; i < wiring_.wheels; ++i) {
-        in1_[i] = place_of(wiring_.in1[i] % channels);
-        in2_[i] = place_of(wiring_.in2[i] % channels);
+        in1_[i] = channel_slot(wiring_.in1[i] % channels);
+        in2_[i] = channel_slot(wiring_.in2[i] % channels);
     }
 }
 
-/// Where the bytes of a channel in use are in the update.
-uint8_t *Pca9685::place_of(uint8_t channel) {
+/// A channel's bytes in the update.
+uint8_t *Pca9685::channel_slot(uint8_t channel) {
     const uint8_t wanted = register_of(channel);
     I2cTransaction *burst = update_;
     while (wanted >= burst->write[0] + burst->write_length - 1) {
@@ -183,8 +183,8 @@ size_t Pca9685::fill_update(const omni_real_t *duty, bool on) {
         encode_channel(in1_[i], bridge.in1);
         encode_channel(in2_[i], bridge.in2);
     }
-    health_asked_ = suspicious_ || ++since_health_ >= health_interval;
-    return health_asked_ ? bursts_ + 1 : bursts_;
+    readback_in_flight_ = suspicious_ || ++updates_since_readback_ >= health_interval;
+    return readback_in_flight_ ? bursts_ + 1 : bursts_;
 }
 
 void Pca9685::send(I2cBus &bus, const I2cTransaction *batch, size_t count) {
@@ -195,7 +195,7 @@ void Pca9685::send(I2cBus &bus, const I2cTransaction *batch, size_t count) {
     }
 }
 
-/// The next step of the power-up sequence.
+/// Send the next step of the power-up sequence.
 void Pca9685::send_setup(I2cBus &bus, uint64_t now_us) {
     if (phase_ == Phase::off) {
         const I2cTransaction off = write_of({reg_all_led_off_high, full});
@@ -213,7 +213,7 @@ void Pca9685::send_setup(I2cBus &bus, uint64_t now_us) {
 
 void Pca9685::drive(MotorWires &wires, uint64_t now_us, const omni_real_t *duty, bool on) {
     if (in_flight_) {
-        return; // the last update is still on the wire; this one's successor replaces it
+        return; // the last update is still on the wire; skip this one
     }
     if (phase_ == Phase::settle && now_us - awake_us_ >= oscillator_start_us) {
         phase_ = Phase::ready;

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
 /// @file pinpoint.h  goBILDA's Pinpoint (two dead wheels and a gyro), for register_flow.h.
 ///
-/// Registers: goBILDA's public driver. Each holds 32 bits, the low byte first: whole numbers and floats. BULK_READ
+/// Registers: goBILDA's public driver. Each has 32 bits, little-endian: integers and floats. BULK_READ
 /// gives status, loop time, two encoders, x [mm], y [mm], heading [rad], three speeds. The driver reads the first seven
-/// of these. Steps per millimetre, where the wheels are and which way they count come from the robot file
-/// (omni/flow_gen.h). It measures its gyro's bias for 0.25 s when it is asked to. The robot must stand meanwhile.
+/// of these. Steps per millimetre, positions and directions of the wheels come from the robot
+/// file (omni/flow_gen.h). Its gyro calibration on request takes 0.25 s; the robot must be at rest.
 #pragma once
 
 #include <cstring>
@@ -61,7 +61,7 @@ inline constexpr uint8_t calibrate[] = {5, reg_control, recalibrate, 0, 0, 0, 0}
 /// A float of zero is four bytes of zero.
 inline constexpr uint8_t zero[] = {5, reg_heading, 0, 0, 0, 0, 5, reg_x, 0, 0, 0, 0, 5, reg_y, 0, 0, 0, 0, 0};
 
-/// @param settings of the robot file.
+/// Pinpoint with the robot file's settings.
 constexpr PoseCounter with(I2cWrites settings) {
     return {
         reg_device_id, {device_id, device_id_v2}, calibrate, 300'000, settings, 10'000, zero, 5'000, reg_bulk_read, 28,

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
 /// @file pwm_dir.h  A PWM pin and a direction pin of the processor per motor (MD10C, DRV8838 and their like).
 ///
-/// PWM is high for the share of the duty; DIR is high for negative duties. Off and duty 0 are both PWM low: what the
-/// bridge makes of that is its own affair, most of them brake. A robot that shall coast when it is stopped needs the
-/// output-enable pin.
+/// PWM has the duty cycle |duty|; DIR is high for negative duties. Off and duty 0 are both PWM low, on which most
+/// bridges brake. To coast when stopped, the robot needs the output-enable pin.
 #pragma once
 
 #include "app/drivers/pwm_pins.h"

@@ -22,7 +22,7 @@ void PwmPins::drive(MotorWires &wires, uint64_t, const omni_real_t *duty, bool o
         failures_ = 0;
     } else {
         ++errors_;
-        failures_ = omni_more_failures(failures_, 1);
+        failures_ = omni_add_failures(failures_, 1);
     }
 }
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file pwm_pins.h  What motor drivers on the processor's own PWM pins have in common. There is no chip to set up and
-/// no bus to fail: what a tick decides is at the pins before it ends.
+/// @file pwm_pins.h  Base class of motor drivers on the processor's PWM pins. Without chip and bus, the duties of a
+/// tick are output before it ends.
 #pragma once
 
 #include <cstddef>
@@ -20,7 +20,7 @@ public:
     void poll(MotorWires &) override {}
     void drive(MotorWires &wires, uint64_t now_us, const omni_real_t *duty, bool on) override;
     bool all_off(MotorWires &wires) override;
-    /// The pins have taken an update. Never on a board that is wired otherwise.
+    /// The pins have accepted an update. Always false on a board with another wiring.
     bool ready() const override { return ready_; }
     uint16_t failures() const override { return failures_; }
     uint32_t errors() const override { return errors_; }
@@ -29,7 +29,7 @@ protected:
     /// @param driver omni_mot_driver.
     explicit PwmPins(uint8_t driver) : driver_(driver) {}
     ~PwmPins() = default;
-    /// @param bridge what an H-bridge with IN1 and IN2 would get.
+    /// Convert IN1/IN2 counts to this driver's two pins.
     virtual MotorPinSteps steps_of(const omni_bridge_counts_t &bridge) const = 0;
 
 private:

@@ -10,22 +10,22 @@ namespace omni {
 namespace {
 
 constexpr uint64_t retry_us = 200'000;
-/// How much longer than its maker says a chip may take to be ready after its calibration.
+/// Timeout beyond the documented duration of the calibration.
 constexpr uint64_t patience_us = 1'000'000;
-/// A reading that waited longer was asked for before a pause: the host was in the loop.
+/// Maximum age of a transfer: an older one was sent before a pause by hardware-in-the-loop.
 constexpr uint64_t stale_us = 10'000;
-/// Ticks that a transfer may take. The longest, a Pinpoint's pose, is 0.75 ms at 400 kHz.
+/// Timeout of a transfer in ticks. The longest, a Pinpoint's pose, is 0.75 ms at 400 kHz.
 constexpr uint8_t busy_limit = 5;
 constexpr uint8_t failures_allowed = 10;
 constexpr uint8_t good_enough = 10;
 constexpr float farthest_m = 8.0f;
-/// Faster is no robot: its wheels would turn at 100 turns a second.
+/// Plausibility limit of the speed: 100 wheel revolutions per second.
 constexpr float fastest_m_s = 10.0f;
 
-constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_READ);
+constexpr uint8_t way_only = static_cast<uint8_t>(OMNI_FLOW_XY) | static_cast<uint8_t>(OMNI_FLOW_RECEIVED);
 constexpr uint8_t whole = way_only | static_cast<uint8_t>(OMNI_FLOW_TURN);
 
-/// A pose that can be reckoned with.
+/// Is the pose finite and plausible?
 bool is_number(const CountedPose &pose) {
     return std::fabs(pose.x_m) < 1e6f && std::fabs(pose.y_m) < 1e6f && std::fabs(pose.heading_rad) < 1e6f;
 }
@@ -37,12 +37,12 @@ FlowTrouble RegisterFlow::trouble() const {
     return {static_cast<FlowCause>(packed & 0xFFu), static_cast<uint8_t>(packed >> 8), chip_.identities[0]};
 }
 
-void RegisterFlow::show(FlowCause cause, uint8_t seen) {
+void RegisterFlow::set_trouble(FlowCause cause, uint8_t seen) {
     trouble_.store(static_cast<uint16_t>(static_cast<uint16_t>(cause) | seen << 8), std::memory_order_relaxed);
 }
 
-void RegisterFlow::start_again(uint64_t now_us, FlowCause cause, uint8_t seen) {
-    show(cause, seen);
+void RegisterFlow::restart_chip(uint64_t now_us, FlowCause cause, uint8_t seen) {
+    set_trouble(cause, seen);
     phase_ = Phase::identify;
     have_pose_ = false;
     good_ = 0;
@@ -50,8 +50,8 @@ void RegisterFlow::start_again(uint64_t now_us, FlowCause cause, uint8_t seen) {
     due_us_ = now_us + retry_us;
 }
 
-/// A batch in flight is still waited for, and nothing else is sent.
-void RegisterFlow::follow_wish() {
+/// When disabled, the batch in flight is completed, and no other is sent.
+void RegisterFlow::apply_enable() {
     const bool wanted = wanted_.load(std::memory_order_relaxed);
     if (wanted == used_) {
         return;
@@ -61,21 +61,21 @@ void RegisterFlow::follow_wish() {
     have_pose_ = false;
     good_ = 0;
     due_us_ = 0;
-    show(FlowCause::none);
+    set_trouble(FlowCause::none);
 }
 
 uint8_t RegisterFlow::read(uint64_t now_us, float *moved, bool rests) {
     rests_ = rests;
     rested_ = rested_ && rests;
-    follow_wish();
-    const uint8_t fresh = in_flight_ ? take_batch(now_us, moved) : uint8_t{0};
+    apply_enable();
+    const uint8_t fresh = in_flight_ ? process_batch(now_us, moved) : uint8_t{0};
     if (used_ && !in_flight_ && now_us >= due_us_) {
         send_next(now_us);
     }
     return fresh;
 }
 
-uint8_t RegisterFlow::take_batch(uint64_t now_us, float *moved) {
+uint8_t RegisterFlow::process_batch(uint64_t now_us, float *moved) {
     uint8_t bytes[I2cTransaction::max_read] = {};
     const I2cStatus status = bus_.poll(bytes);
     if (status == I2cStatus::busy && ++busy_ticks_ < busy_limit) {
@@ -100,7 +100,7 @@ void RegisterFlow::failed(uint64_t now_us, I2cStatus status) {
     const bool running = phase_ == Phase::run || phase_ == Phase::zero;
     if (!running || ++failures_ >= failures_allowed) {
         calibrated_ = false; // it may have lost its power
-        start_again(now_us, status == I2cStatus::nack ? FlowCause::absent : FlowCause::bus);
+        restart_chip(now_us, status == I2cStatus::nack ? FlowCause::absent : FlowCause::bus);
         return;
     }
     phase_ = Phase::run;
@@ -116,12 +116,12 @@ uint8_t RegisterFlow::arrived(uint64_t now_us, const uint8_t *bytes, float *move
             writes_done(now_us);
         }
     } else if (now_us - sent_us_ < stale_us) {
-        return take_pose(now_us, chip_.decode(bytes), moved);
+        return process_pose(now_us, chip_.decode(bytes), moved);
     }
     return 0;
 }
 
-/// The next pose is compared with nothing.
+/// Discard the last pose: the next one starts a new interval.
 void RegisterFlow::begin(Phase phase, I2cWrites writes) {
     phase_ = phase;
     next_write_ = writes;
@@ -134,10 +134,10 @@ void RegisterFlow::writes_done(uint64_t now_us) {
         begin(Phase::start, chip_.start);
         due_us_ = now_us + chip_.calibrate_us;
         ready_by_us_ = due_us_ + patience_us;
-        spoilt_ = true;
+        calibration_disturbed_ = true;
     } else if (phase_ == Phase::start) {
         calibrated_ = calibrated_ || rested_;
-        spoilt_ = spoilt_ && !rested_;
+        calibration_disturbed_ = calibration_disturbed_ && !rested_;
         begin(Phase::zero, chip_.zero);
         due_us_ = now_us + chip_.start_us;
     } else {
@@ -148,54 +148,54 @@ void RegisterFlow::writes_done(uint64_t now_us) {
 
 void RegisterFlow::identified(uint64_t now_us, uint8_t seen) {
     if (seen != chip_.identities[0] && seen != chip_.identities[1]) {
-        start_again(now_us, FlowCause::wrong_id, seen);
+        restart_chip(now_us, FlowCause::wrong_id, seen);
         return;
     }
     rested_ = false;
-    if (can_calibrate()) {
+    if (calibration_possible()) {
         begin(Phase::calibrate, chip_.calibrate);
     } else {
         begin(Phase::start, chip_.start);
     }
 }
 
-/// What the chip does not trust is left out, but the next way counts from here.
-uint8_t RegisterFlow::take_pose(uint64_t now_us, const CountedPose &pose, float *moved) {
+/// A pose with an error status is not used, but it starts the next interval.
+uint8_t RegisterFlow::process_pose(uint64_t now_us, const CountedPose &pose, float *moved) {
     if (!pose.ready && now_us < ready_by_us_) {
         return 0;
     }
     if (!pose.ready) {
         calibrated_ = false;
-        start_again(now_us, FlowCause::restarted); // and has lost its settings
+        restart_chip(now_us, FlowCause::restarted); // and has lost its settings
         return 0;
     }
     if (!is_number(pose)) {
-        start_again(now_us, FlowCause::jumped);
+        restart_chip(now_us, FlowCause::jumped);
         return 0;
     }
-    uint8_t fresh = OMNI_FLOW_READ;
+    uint8_t fresh = OMNI_FLOW_RECEIVED;
     if (pose.cause != FlowCause::none) {
         good_ = 0;
-        show(pose.cause, pose.status);
+        set_trouble(pose.cause, pose.status);
     } else if (have_pose_) {
-        fresh = take_move(now_us, pose, moved);
+        fresh = compute_displacement(now_us, pose, moved);
     }
     if (fresh != 0) {
         last_ = pose;
         last_us_ = sent_us_;
-        have_pose_ = phase_ == Phase::run; // or it is being set to zero
+        have_pose_ = phase_ == Phase::run; // false while it is being reset to zero
     }
     return fresh;
 }
 
-/// @return 0 after a jump: the start begins anew.
-uint8_t RegisterFlow::take_move(uint64_t now_us, const CountedPose &pose, float *moved) {
+/// @return 0 after an implausible jump, which restarts the chip.
+uint8_t RegisterFlow::compute_displacement(uint64_t now_us, const CountedPose &pose, float *moved) {
     const float x = pose.x_m - last_.x_m;
     const float y = pose.y_m - last_.y_m;
     const float most = fastest_m_s * static_cast<float>(sent_us_ - last_us_) * 1e-6f;
     if (std::fabs(x) + std::fabs(y) > most) {
         calibrated_ = false; // it may have lost its power
-        start_again(now_us, FlowCause::jumped);
+        restart_chip(now_us, FlowCause::jumped);
         return 0;
     }
     const float turn = omni_wrap_pi(pose.heading_rad - last_.heading_rad);
@@ -207,13 +207,13 @@ uint8_t RegisterFlow::take_move(uint64_t now_us, const CountedPose &pose, float 
     moved[2] = turn;
     good_ = good_ < good_enough ? static_cast<uint8_t>(good_ + 1) : good_;
     if (good_ == good_enough) {
-        show(FlowCause::none);
+        set_trouble(FlowCause::none);
     }
     if (std::max(std::fabs(pose.x_m), std::fabs(pose.y_m)) > farthest_m) {
         begin(Phase::zero, chip_.zero);
         due_us_ = now_us;
     }
-    return spoilt_ ? way_only : whole;
+    return calibration_disturbed_ ? way_only : whole;
 }
 
 void RegisterFlow::send(uint64_t now_us, const I2cTransaction &transaction) {
@@ -238,7 +238,7 @@ void RegisterFlow::send_next(uint64_t now_us) {
     if (phase_ == Phase::identify) {
         ++starts_;
         send_read(now_us, chip_.identity_reg, 1);
-    } else if (phase_ == Phase::run && can_calibrate()) {
+    } else if (phase_ == Phase::run && calibration_possible()) {
         begin(Phase::calibrate, chip_.calibrate);
         send_write(now_us);
     } else if (phase_ == Phase::run) {

@@ -11,14 +11,15 @@ namespace {
 
 constexpr uint8_t reading_bytes = 6;
 constexpr uint16_t jump_window = 1000; ///< readings
-/// Of them. A wrong bit is one of the upper four in a quarter of all cases: so thrice as many are used unseen.
+/// Threshold of jumps per window. A quarter of all bit errors is in the upper four bits and detected: three times as
+/// many are not.
 constexpr uint16_t jumps_allowed = 5;
 
 constexpr uint64_t retry_us = 200'000;
-/// A reading that waited longer was asked for before a pause: the host was in the loop.
+/// Maximum age of a transfer: an older one was sent before a pause by hardware-in-the-loop.
 constexpr uint64_t stale_us = 10'000;
 constexpr uint16_t look_interval = 50; ///< readings
-/// Ticks that a batch may take. The longest, the set-up, is 0.6 ms at 400 kHz.
+/// Timeout of a batch in ticks. The longest, the set-up, is 0.6 ms at 400 kHz.
 constexpr uint8_t busy_limit = 5;
 constexpr uint8_t failures_allowed = 10;
 constexpr uint8_t invalid_allowed = 10;
@@ -32,28 +33,28 @@ GyroTrouble RegisterGyro::trouble() const {
     return {static_cast<GyroCause>(packed & 0xFFu), static_cast<uint8_t>(packed >> 8), chip_.identity};
 }
 
-void RegisterGyro::show(GyroCause cause, uint8_t seen) {
+void RegisterGyro::set_trouble(GyroCause cause, uint8_t seen) {
     trouble_.store(static_cast<uint16_t>(static_cast<uint16_t>(cause) | seen << 8), std::memory_order_relaxed);
 }
 
-void RegisterGyro::start_again(uint64_t now_us, GyroCause cause, uint8_t seen) {
-    show(cause, seen);
+void RegisterGyro::restart_chip(uint64_t now_us, GyroCause cause, uint8_t seen) {
+    set_trouble(cause, seen);
     phase_ = Phase::identify;
     good_ = 0;
     failures_ = 0;
     due_us_ = now_us + retry_us;
 }
 
-/// Another axis has another history. Without one the batch in flight is still waited for, and nothing else is sent.
-void RegisterGyro::follow_axis() {
-    const int8_t wanted = wanted_axis_.load(std::memory_order_relaxed);
+/// A change of the axis clears the history. When disabled, the batch in flight is completed, and no other is sent.
+void RegisterGyro::apply_axis() {
+    const int8_t wanted = requested_axis_.load(std::memory_order_relaxed);
     if (wanted == axis_) {
         return;
     }
     if (axis_ == 0 || wanted == 0) {
         phase_ = Phase::identify;
         due_us_ = 0;
-        show(GyroCause::none);
+        set_trouble(GyroCause::none);
     }
     axis_ = wanted;
     have_used_ = false;
@@ -61,15 +62,15 @@ void RegisterGyro::follow_axis() {
 }
 
 uint8_t RegisterGyro::read(uint64_t now_us, float *rad_s) {
-    follow_axis();
-    const uint8_t fresh = in_flight_ ? take_batch(now_us, rad_s) : uint8_t{0};
+    apply_axis();
+    const uint8_t fresh = in_flight_ ? process_batch(now_us, rad_s) : uint8_t{0};
     if (axis_ != 0 && !in_flight_ && now_us >= due_us_) {
         send_next(now_us);
     }
     return fresh;
 }
 
-uint8_t RegisterGyro::take_batch(uint64_t now_us, float *rad_s) {
+uint8_t RegisterGyro::process_batch(uint64_t now_us, float *rad_s) {
     uint8_t bytes[I2cTransaction::max_read] = {};
     const I2cStatus status = bus_.poll(bytes);
     if (status == I2cStatus::busy && ++busy_ticks_ < busy_limit) {
@@ -92,7 +93,7 @@ void RegisterGyro::failed(uint64_t now_us, I2cStatus status) {
         bus_.recover();
     }
     if (phase_ != Phase::run || ++failures_ >= failures_allowed) {
-        start_again(now_us, status == I2cStatus::nack ? GyroCause::absent : GyroCause::bus);
+        restart_chip(now_us, status == I2cStatus::nack ? GyroCause::absent : GyroCause::bus);
     }
 }
 
@@ -103,16 +104,16 @@ uint8_t RegisterGyro::arrived(uint64_t now_us, const uint8_t *bytes, float *rad_
     } else if (phase_ == Phase::step) {
         step_done(now_us, bytes);
     } else if (looking_) {
-        check_look(now_us, bytes);
+        check_readback(now_us, bytes);
     } else if (now_us - sent_us_ < stale_us) {
-        return take_reading(now_us, bytes, rad_s);
+        return process_reading(now_us, bytes, rad_s);
     }
     return 0;
 }
 
 void RegisterGyro::identified(uint64_t now_us, uint8_t seen) {
     if (seen != chip_.identity) {
-        start_again(now_us, GyroCause::wrong_id, seen);
+        restart_chip(now_us, GyroCause::wrong_id, seen);
         return;
     }
     phase_ = Phase::step;
@@ -139,38 +140,38 @@ void RegisterGyro::step_done(uint64_t now_us, const uint8_t *bytes) {
     } else if (step.kind == GyroStep::Kind::expect && (bytes[0] & step.mask) != step.value) {
         due_us_ = now_us + step.wait_us;
         if (++attempts_ == step.attempts) {
-            start_again(now_us, GyroCause::configuration, bytes[0]);
+            restart_chip(now_us, GyroCause::configuration, bytes[0]);
         }
         return;
     }
     next_step(now_us, step.kind == GyroStep::Kind::expect ? 0 : step.wait_us);
 }
 
-/// All settings are looked at before the first reading.
+/// Read back all settings before the first reading.
 void RegisterGyro::begin_run() {
     phase_ = Phase::run;
     suspicious_ = true;
-    wrong_look_ = have_used_ = left_out_ = noisy_ = false;
+    readback_error_ = have_used_ = last_rejected_ = noisy_ = false;
     look_ = 0;
-    since_look_ = 0;
+    readings_since_readback_ = 0;
     invalid_ = same_ = 0;
     window_ = jumps_ = 0;
 }
 
-/// Something wrong counts twice in a row, because a bit may have got lost on the wires. The second time the settings
-/// come first: a chip that has lost them does not measure, either.
-void RegisterGyro::check_look(uint64_t now_us, const uint8_t *bytes) {
+/// A wrong read-back is an error only twice in a row (bit errors). The second time the settings are checked first, as a
+/// chip that has lost them does not measure, either.
+void RegisterGyro::check_readback(uint64_t now_us, const uint8_t *bytes) {
     const GyroLook &look = chip_.looks[look_];
-    since_look_ = 0;
+    readings_since_readback_ = 0;
     const bool right = std::equal(bytes, bytes + look.count, look.expected,
                                   [&look](uint8_t seen, uint8_t wanted) { return (seen & look.mask) == wanted; });
-    if (!right && wrong_look_) {
-        start_again(now_us, look.cause);
+    if (!right && readback_error_) {
+        restart_chip(now_us, look.cause);
     } else if (!right) {
-        suspicious_ = wrong_look_ = true;
+        suspicious_ = readback_error_ = true;
         look_ = 0;
     } else if (++look_ == chip_.look_count) {
-        suspicious_ = wrong_look_ = false;
+        suspicious_ = readback_error_ = false;
         look_ = 0;
     }
 }
@@ -185,7 +186,7 @@ bool RegisterGyro::is_jump(int16_t from, int16_t to) const {
     return std::abs(static_cast<int>(to) - static_cast<int>(from)) > jump_steps_;
 }
 
-uint8_t RegisterGyro::take_reading(uint64_t now_us, const uint8_t *bytes, float *rad_s) {
+uint8_t RegisterGyro::process_reading(uint64_t now_us, const uint8_t *bytes, float *rad_s) {
     int16_t raw[axes];
     for (size_t i = 0; i < axes; ++i) {
         raw[i] = value_of(bytes + 2 * i);
@@ -193,7 +194,7 @@ uint8_t RegisterGyro::take_reading(uint64_t now_us, const uint8_t *bytes, float 
     if (std::all_of(raw, raw + axes, [this](int16_t value) { return value == chip_.no_reading; })) {
         suspicious_ = true;
         if (++invalid_ >= invalid_allowed) {
-            start_again(now_us, GyroCause::silent);
+            restart_chip(now_us, GyroCause::silent);
         }
         return 0;
     }
@@ -201,7 +202,7 @@ uint8_t RegisterGyro::take_reading(uint64_t now_us, const uint8_t *bytes, float 
     const int16_t own = raw[std::abs(axis_) - 1];
     const bool jumped = jumps(own);
     if (stands_still(raw)) {
-        start_again(now_us, GyroCause::stuck);
+        restart_chip(now_us, GyroCause::stuck);
         return 0;
     }
     count_jump(jumped);
@@ -221,13 +222,13 @@ bool RegisterGyro::stands_still(const int16_t *raw) {
     return same_ >= same_allowed;
 }
 
-/// A jump is believed once the next reading is at the same place.
+/// A jump is accepted if the next reading confirms it.
 bool RegisterGyro::jumps(int16_t raw) {
     const int16_t before = last_[std::abs(axis_) - 1];
-    left_out_ = have_used_ && is_jump(used_, raw) && (!left_out_ || is_jump(before, raw));
+    last_rejected_ = have_used_ && is_jump(used_, raw) && (!last_rejected_ || is_jump(before, raw));
     have_used_ = true;
-    used_ = left_out_ ? used_ : raw;
-    return left_out_;
+    used_ = last_rejected_ ? used_ : raw;
+    return last_rejected_;
 }
 
 void RegisterGyro::count_jump(bool jumped) {
@@ -235,7 +236,7 @@ void RegisterGyro::count_jump(bool jumped) {
     if (jumps_ > jumps_allowed && !noisy_) {
         noisy_ = true;
         good_ = 0;
-        show(GyroCause::noisy);
+        set_trouble(GyroCause::noisy);
     }
     if (++window_ >= jump_window) {
         noisy_ = jumps_ > jumps_allowed;
@@ -243,16 +244,16 @@ void RegisterGyro::count_jump(bool jumped) {
     }
 }
 
-/// A saturated reading is handed on: the core knows GYRO_MAX.
+/// A saturated reading is passed on: the core checks GYRO_MAX.
 void RegisterGyro::judge(int16_t raw) {
     if (raw >= chip_.end_of_range || raw <= -chip_.end_of_range) {
         good_ = 0;
-        show(GyroCause::saturated);
+        set_trouble(GyroCause::saturated);
         return;
     }
     good_ = good_ < good_enough ? static_cast<uint8_t>(good_ + 1) : good_;
     if (good_ == good_enough) {
-        show(GyroCause::none);
+        set_trouble(GyroCause::none);
     }
 }
 
@@ -264,7 +265,7 @@ I2cTransaction RegisterGyro::write_of(const uint8_t *bytes, size_t count) const 
     return transaction;
 }
 
-/// @return transactions.
+/// @return number of transactions.
 size_t RegisterGyro::compile(GyroWrites writes, I2cTransaction *batch) const {
     size_t count = 0;
     while (writes != nullptr && *writes != 0 && count < GyroRegisters::max_writes) {
@@ -302,7 +303,7 @@ void RegisterGyro::send_identify(uint64_t now_us) {
     send(now_us, batch, count + 1);
 }
 
-/// The place comes with each piece.
+/// Each piece is sent with its address.
 void RegisterGyro::send_piece(uint64_t now_us) {
     const size_t word = uploaded_ / 2;
     const uint8_t place[] = {chip_.upload_place_reg, static_cast<uint8_t>(word & 0xFu),
@@ -337,7 +338,7 @@ void RegisterGyro::send_next(uint64_t now_us) {
         send_step(now_us);
         return;
     }
-    looking_ = suspicious_ || ++since_look_ >= look_interval;
+    looking_ = suspicious_ || ++readings_since_readback_ >= look_interval;
     if (looking_) {
         send_read(now_us, chip_.looks[look_].reg, chip_.looks[look_].count);
     } else {

@@ -28,7 +28,7 @@ const mavlink_msg_entry_t *find_entry(uint32_t id) {
     return found != last && found->msgid == id ? found : nullptr;
 }
 
-/// A standard message, spoken here or not.
+/// Standard message, whether used by this firmware or not.
 struct Familiar {
     uint16_t id;
     uint8_t seed;
@@ -44,8 +44,8 @@ const Familiar *find_familiar(uint32_t id) {
     return found != last && found->id == id ? found : nullptr;
 }
 
-/// What a byte does to a CRC-16/MCRF4XX: table k after k more bytes. Bit arithmetic byte by byte takes four times the
-/// instructions. That would be 30 % of all that a PC spends on a tick in lockstep.
+/// Lookup tables of CRC-16/MCRF4XX: table k for a byte followed by k more bytes. Bitwise computation would take four
+/// times the instructions: 30 % of a PC's time per tick in lockstep.
 struct CrcTables {
     uint16_t entry[4][256] = {};
 };
@@ -92,7 +92,7 @@ bool is_magic(uint8_t byte) {
     return byte == magic_v1 || byte == magic_v2;
 }
 
-/// Where things are in one frame.
+/// Layout of one frame.
 struct Layout {
     size_t header;
     size_t payload;
@@ -119,9 +119,9 @@ Layout layout_of(const uint8_t *bytes) {
     return layout;
 }
 
-/// What it takes to judge a frame of one message.
+/// Properties needed to validate a frame of one message.
 struct Kind {
-    const mavlink_msg_entry_t *spoken; ///< nullptr: a message for others
+    const mavlink_msg_entry_t *spoken; ///< nullptr: not used by this firmware
     bool known;
     uint8_t seed;
     uint8_t least; ///< payload without extensions
@@ -136,12 +136,12 @@ Kind kind_of(uint32_t id) {
     return other != nullptr ? Kind{nullptr, true, other->seed, other->length} : Kind{};
 }
 
-/// Whether a frame may begin like this.
+/// Is this a valid start of a frame?
 bool is_plausible(const uint8_t *bytes, const Layout &layout, const Kind &kind) {
     if (bytes[0] == magic_v1) {
         return kind.known && layout.payload == kind.least;
     }
-    return kind.known && (bytes[2] & ~flag_signed) == 0; // else an incompatible feature that this program does not know
+    return kind.known && (bytes[2] & ~flag_signed) == 0; // unknown incompatibility flags
 }
 
 bool checksum_right(const uint8_t *bytes, size_t covered, uint8_t seed) {
@@ -240,7 +240,7 @@ FrameParser::Match FrameParser::match(size_t at, Frame *frame, size_t *length) c
     return Match::frame;
 }
 
-/// A stop inside the unfinished frame at begin_ that has become whole since the last call.
+/// Find a stop within the incomplete frame at begin_ that has been completed since the last call.
 bool FrameParser::find_stop(Frame *frame) {
     const size_t first = looked_ > longest_stop ? looked_ - longest_stop : 0;
     for (size_t at = std::max(begin_ + 1, first); at < end_; ++at) {

@@ -1,62 +1,62 @@
 // SPDX-License-Identifier: MIT
-/// @file codec.h  MAVLink framing: bytes to frames and back. Checksums and lengths come from the generated dialect.
+/// @file codec.h  MAVLink framing: bytes to frames and back. Checksum seeds and lengths come from the generated
+/// dialect.
 #pragma once
 
 #include "app/link/mavlink_frame.h"
 
 namespace omni {
 
-/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @param is_signed say that a signature follows; it is
-/// not written. @return length without signature, 0 if the dialect has no such message.
+/// Write one MAVLink 2 frame. @param out at least max_frame bytes. @param is_signed set the signed flag; the signature
+/// itself is not written. @return length without signature, 0 if the dialect has no such message.
 size_t encode_frame(uint8_t *out, uint8_t sequence, uint8_t system, uint32_t id, const void *payload, bool is_signed);
 /// Length of a MAVLink 2 frame, signature included, from its header.
 size_t frame_length(const uint8_t *frame);
 /// Bytes of the longest signed frame of this message, 0 if the dialect has no such message.
 size_t longest_frame(uint32_t id);
 
-/// Gets the bytes that belong to no frame, in the order of the stream.
+/// Receives the bytes between frames, in stream order.
 class TextSink {
 public:
-    /// @return true if the byte may belong to a line of text; false: noise.
+    /// Process a byte. @return true if it may belong to a line of text; false: noise.
     virtual bool on_byte(uint8_t byte) = 0;
-    /// A whole frame came in between.
+    /// A complete frame was received between the bytes.
     virtual void on_frame() = 0;
 
 protected:
     ~TextSink() = default;
 };
 
-/// Finds frames in a byte stream. After a damaged or false frame it looks again from the next byte on, so nothing that
-/// arrived whole is lost. Reads MAVLink 1 too; a signature is passed on, not checked.
+/// Frame parser for MAVLink 1 and 2. After an invalid frame it resynchronises at the next byte, so that no complete
+/// frame is lost. Signatures are not verified here.
 ///
-/// **What counts as a beginning.** A start byte, flags that we know, the number of a standard message or one of ours,
-/// in MAVLink 1 also its exact length. All else is noise at once and claims nothing. Frames of messages that we do not
-/// speak are told from noise by their checksum, too. What stands inside a whole one is its payload and is never obeyed.
+/// **Start of a frame.** Start byte, known flags, a known message id (standard or ours), in MAVLink 1 also its exact
+/// length. Anything else is noise. Frames of unknown messages are recognised by their checksum, too, so that a payload
+/// is never interpreted as a frame.
 ///
-/// **What stands inside an unfinished frame.** Half a frame claims up to 280 bytes, and nobody can tell it from a frame
-/// that is still coming. Whole frames inside are taken once its checksum has failed, or after silence. A stop does not
-/// wait for that: it is handed over as soon as its last byte is there (`early`). It comes once more in its turn, so
-/// that an arm command in front of it does not have the last word. A payload that looks like a stop, with a right
-/// checksum, stops the robot; that is the safe reading.
+/// **Frames within an incomplete frame.** A false start claims up to 280 bytes and cannot be distinguished from a frame
+/// that is still arriving. Frames within it are returned after its checksum has failed, or after a silence. A stop is
+/// returned as soon as its last byte is received (`early`), and again in stream order, so that an arm command before it
+/// does not take effect after it. A payload that contains a valid stop frame stops the robot, which is fail-safe.
 ///
-/// **Work per byte.** Each byte is the beginning of at most one match (280 bytes of checksum). Within an unfinished
-/// frame at most longest_stop places before it are looked at once more. No recursion; 584 bytes of buffer.
+/// **Run time.** Each byte starts at most one match (280 bytes of checksum); within an incomplete frame up to
+/// longest_stop positions are matched once more. No recursion; 584 bytes of buffer.
 class FrameParser {
 public:
-    /// Where new bytes go. @param room out: how many fit, at least 1 after next() has returned false.
+    /// Buffer for received bytes. @param room out: its size, at least 1 after next() has returned false.
     uint8_t *space(size_t *room);
     void received(size_t count) { end_ += count; }
-    /// Take the next whole frame. @return false when more bytes are needed.
+    /// Get the next complete frame. @return false if more bytes are needed.
     bool next(Frame *frame);
-    /// True while the beginning of a frame is held.
+    /// True while a frame is incomplete.
     bool waiting() const { return end_ > begin_; }
-    /// The line went silent within a frame: its beginning was false.
+    /// Discard the start of an incomplete frame after a silence.
     void give_up_frame();
-    /// Forget everything (new connection).
+    /// Clear the buffer (new connection).
     void reset() { begin_ = end_ = looked_ = 0; }
-    /// @param text where the bytes between frames go; nullptr: nowhere.
+    /// @param text receiver of the bytes between frames; nullptr: none.
     void set_text(TextSink *text) { text_ = text; }
-    /// Bytes thrown away and frames with a wrong checksum, since boot.
+    /// Discarded bytes and checksum errors since boot.
     uint32_t errors() const { return errors_; }
 
 private:
@@ -68,7 +68,7 @@ private:
     uint8_t buffer_[2 * max_frame] = {};
     size_t begin_ = 0;
     size_t end_ = 0;
-    size_t looked_ = 0; ///< stops inside an unfinished frame have been handed over if they end up to here
+    size_t looked_ = 0; ///< stops within an incomplete frame up to this position have been returned
     uint32_t errors_ = 0;
     TextSink *text_ = nullptr;
 };

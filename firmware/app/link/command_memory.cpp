@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/link/command_memory.h"
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 
@@ -22,8 +22,8 @@ OMNI_COLD CommandMemory::Entry &CommandMemory::find(const Key &key) {
     return own < most_per_sender ? *oldest : *oldest_own;
 }
 
-/// Of a command whose first copy was lost: had the latest stop come by the time that copy was sent? A stop by the
-/// sender itself had: its messages come in the order in which it sent them, and it repeats nothing from before.
+/// For a command whose first copy was lost: may the latest stop be newer than that copy? Not a stop by the sender
+/// itself: its messages arrive in order, and it does not retransmit commands from before its stop.
 OMNI_COLD bool CommandMemory::may_be_overtaken(const Sender &sender, uint64_t now_us) const {
     return stops_ > 0 && !(stopper_ == sender) && now_us - stopped_us_ <= repeating_us;
 }

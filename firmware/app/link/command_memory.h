@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file command_memory.h  Numbered commands that came, and how many stops came since: what a repetition may still do.
+/// @file command_memory.h  Deduplication of retransmitted commands, and invalidation by later stops.
 ///
-/// A repetition has COMMAND_LONG.confirmation above 0. Its first copy may have been executed, and its answer lost. Or
-/// the first copy itself was lost. In both cases somebody may have stopped the robot since, and a stop counts more
-/// than what was asked before it.
+/// A retransmission has COMMAND_LONG.confirmation > 0: either the acknowledgement or the first copy was lost. It must
+/// not execute twice, and not after a stop that was received since the first copy.
 #pragma once
 
 #include <cstddef>
@@ -15,15 +14,13 @@ namespace omni {
 
 class CommandMemory {
 public:
-    /// The latest commands that are remembered, and at most how many of them of one sender: a busy one must not push
-    /// out those of others.
+    /// Number of remembered commands, in total and per sender: one sender must not displace the others'.
     static constexpr size_t most = 32;
     static constexpr size_t most_per_sender = 8;
-    /// A sender repeats a command for at most this long. The host tools try ten times, once a second, and may begin
-    /// anew up to five seconds later.
+    /// Maximum time of retransmissions. The host tools retry ten times at 1 Hz, and may start again within 5 s.
     static constexpr uint64_t repeating_us = 15'000'000;
 
-    /// Two copies of one command are equal in all of these.
+    /// Identity of a command.
     struct Key {
         Sender sender;
         uint16_t id = 0;
@@ -35,26 +32,26 @@ public:
     };
     enum class Verdict : uint8_t {
         execute,
-        executed,  ///< this very command was accepted before
-        overtaken, ///< a stop has come since its first copy, or may have
+        executed,  ///< already accepted: acknowledge only
+        overtaken, ///< a stop has, or may have, been received since its first copy: deny
     };
 
-    /// A copy of a numbered command has come. @param repeated its sender has sent it before. @param begins it would
-    /// begin a motion or release a stop: one that was overtaken must not be executed.
+    /// Decide on a copy of a numbered command. @param repeated it is a retransmission. @param begins it starts a motion
+    /// or releases a stop.
     Verdict take(const Key &key, bool repeated, bool begins, uint64_t now_us);
-    /// It was executed and accepted.
+    /// Record that a command was accepted.
     void accepted(const Key &key);
-    /// Somebody has stopped the robot or had it hold.
+    /// Record a stop or hold.
     void stopped(const Sender &by, uint64_t now_us);
 
 private:
     struct Entry {
         Key key;
-        uint32_t order = 0; ///< of its latest copy; 0: free
-        uint32_t stops = 0; ///< that had come before its first copy
+        uint32_t order = 0; ///< sequence of its latest copy; 0: free entry
+        uint32_t stops = 0; ///< number of stops before its first copy
         bool accepted = false;
     };
-    /// @return its place, or the one that is to be used for it.
+    /// Entry of this command, or the one to reuse for it.
     Entry &find(const Key &key);
     bool may_be_overtaken(const Sender &sender, uint64_t now_us) const;
 

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
-/// @file flight_mode.h  HEARTBEAT.custom_mode, and the modes that DO_SET_MODE and SET_MODE ask for.
+/// @file flight_mode.h  HEARTBEAT.custom_mode, and mode requests by DO_SET_MODE and SET_MODE.
 ///
-/// MAVLink leaves custom_mode to the autopilot. Bits 0 to 15 are our OMNI_MODE. Bits 16 to 23 and 24 to 31 are a main
-/// mode and a sub mode with PX4's numbers: MAVSDK reads the mode there from every autopilot that is not ArduPilot, and
-/// stops its offboard set-points three seconds after the mode is another one. HEARTBEAT.autopilot stays GENERIC.
+/// Bits 0 to 15 of custom_mode are our OMNI_MODE. Bits 16 to 23 and 24 to 31 are a main mode and a sub mode with PX4's
+/// numbers: MAVSDK decodes them for every autopilot except ArduPilot, and stops its offboard setpoints three seconds
+/// after the mode has changed. HEARTBEAT.autopilot is GENERIC.
 ///
-/// OMNI_MODE numbers are no requests. 3 is also PX4's main mode "position", which MAVSDK asks for before it sends
-/// sticks; a trajectory must not start by that. OMNI_TRAJECTORY_START starts one.
+/// OMNI_MODE numbers are not accepted as requests: 3 is also PX4's main mode "position", which MAVSDK requests before
+/// manual control. Trajectories are started by OMNI_TRAJECTORY_START.
 #pragma once
 
 #include <cstdint>
@@ -51,11 +51,11 @@ inline uint32_t custom_mode(uint32_t mode) {
 
 enum class ModeRequest : uint8_t {
     hold,             ///< hold the pose
-    follow_setpoints, ///< set-points of the sender are to be followed; moves nothing by itself
+    follow_setpoints, ///< follow the sender's setpoints; no motion by itself
     unknown,
 };
 
-/// @param custom_mode as in HEARTBEAT; 0 is hold, too.
+/// Request by SET_MODE. @param custom_mode as in HEARTBEAT; 0 is hold, too.
 inline ModeRequest requested_mode(uint32_t custom_mode) {
     const uint32_t main_mode = custom_mode >> 16 & 0xFF;
     const uint32_t sub_mode = custom_mode >> 24;
@@ -66,7 +66,7 @@ inline ModeRequest requested_mode(uint32_t custom_mode) {
     return follows ? ModeRequest::follow_setpoints : ModeRequest::unknown;
 }
 
-/// DO_SET_MODE: either the whole number in the first, or main mode and sub mode. Every other value is unknown.
+/// Request by DO_SET_MODE: packed custom_mode in the first parameter, or main mode and sub mode.
 inline ModeRequest requested_mode(float custom_mode, float sub_mode) {
     constexpr float packed = 65536.0f;
     constexpr float beyond = 4294967296.0f;

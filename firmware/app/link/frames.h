@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: MIT
-/// @file frames.h  The one place where our frames meet MAVLink's.
+/// @file frames.h  Conversion between our coordinate frames and MAVLink's; only here.
 ///
 /// Our world: x, y on the floor, z up, theta counter-clockwise. As MAVLink's local NED: North = x, East = -y, Down =
-/// -z, so x_ned = x, y_ned = -y, z_ned = 0, yaw_ned = -theta (the compass turns clockwise). Our body: x forward, y
-/// left; as MAVLink's FRD (forward, right, down): vx the same, vy and the yaw rate turn their sign. The map is its own
-/// inverse. OMNI_* messages carry our frames unconverted.
+/// -z, so x_ned = x, y_ned = -y, z_ned = 0, yaw_ned = -theta (clockwise). Our body: x forward, y
+/// left; as MAVLink's FRD (forward, right, down): vx unchanged, vy and yaw rate negated. The map is its own inverse.
+/// OMNI_* messages carry our frames unconverted.
 #pragma once
 
 #include "omni/types.h"

@@ -10,10 +10,10 @@ namespace {
 
 constexpr size_t most_numbers = 6;
 constexpr int max_exponent = 30;
-/// More digits than a float can tell apart are not looked at.
+/// Digits beyond the resolution of a float are ignored.
 constexpr uint32_t mantissa_limit = 100'000'000;
 
-/// Reads forward through a line.
+/// Parser of a line.
 struct Cursor {
     const char *at;
     const char *end;
@@ -129,7 +129,7 @@ void LegacyLine::set_on(bool on) {
     if (on != on_) {
         on_ = on;
         length_ = 0;
-        spoilt_ = false;
+        calibration_disturbed_ = false;
         waiting_ = false;
         numbers_ = 0;
     }
@@ -137,19 +137,19 @@ void LegacyLine::set_on(bool on) {
 
 void LegacyLine::spoil() {
     length_ = 0;
-    spoilt_ = true;
+    calibration_disturbed_ = true;
 }
 
 void LegacyLine::end_line() {
     LegacySetpoint setpoint;
-    const size_t numbers = spoilt_ ? 0 : parse_legacy_line(text_, length_, &setpoint);
+    const size_t numbers = calibration_disturbed_ ? 0 : parse_legacy_line(text_, length_, &setpoint);
     const bool good = numbers != 0 && numbers == numbers_;
     numbers_ = numbers != 0 ? numbers : numbers_;
     latest_ = good ? setpoint : latest_;
     waiting_ = good || waiting_;
     refused_ += good ? 0 : 1;
     length_ = 0;
-    spoilt_ = false;
+    calibration_disturbed_ = false;
 }
 
 bool LegacyLine::on_byte(uint8_t byte) {
@@ -162,7 +162,7 @@ bool LegacyLine::on_byte(uint8_t byte) {
     }
     if (byte == '\r' || byte == '\n') {
         if (length_ > 0) {
-            spoil(); // a line does not end like this: what follows belongs to it
+            spoil(); // invalid end of a line: discard up to the next `*`
         }
         return true;
     }
@@ -171,15 +171,15 @@ bool LegacyLine::on_byte(uint8_t byte) {
         return false;
     }
     text_[length_] = static_cast<char>(byte);
-    length_ += spoilt_ ? 0 : 1;
+    length_ += calibration_disturbed_ ? 0 : 1;
     return true;
 }
 
-/// Half a line lost its other half; the next one starts clean.
+/// A frame within a line: discard the incomplete line.
 void LegacyLine::on_frame() {
-    refused_ += length_ > 0 || spoilt_ ? 1 : 0;
+    refused_ += length_ > 0 || calibration_disturbed_ ? 1 : 0;
     length_ = 0;
-    spoilt_ = false;
+    calibration_disturbed_ = false;
 }
 
 bool LegacyLine::take(LegacySetpoint *setpoint) {

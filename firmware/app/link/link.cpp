@@ -6,25 +6,25 @@
 namespace omni {
 namespace {
 
-/// A frame whose rest does not come within this time was none: longer than any pause within a frame at 9600 baud.
+/// Timeout within a frame: longer than any pause within a frame at 9600 baud.
 constexpr uint64_t idle_limit_ns = 200'000'000;
-/// The largest burst is what the budget gives in this time, or one frame of each kind of a slow profile's telemetry.
+/// Bucket size: budget over this time, or one frame of each message of a slow profile's telemetry.
 constexpr float burst_s = 0.1f;
 constexpr float least_burst = 400.0f;
-/// Telemetry waits while this much is buffered: what waits is old by the time it arrives.
+/// Buffered bytes above which telemetry waits, to limit its latency.
 constexpr size_t telemetry_backlog = 2048;
-/// In the signature of an answer to a stop. It overtakes what was signed before, which would be too old behind it in
-/// one stream.
+/// Link id in the signature of acknowledgements of stops: a separate stream, as they overtake frames signed before,
+/// which would be rejected as too old in one stream.
 constexpr unsigned stop_stream = 0x80;
 
-/// Lists leave room for telemetry in front of the port.
+/// Buffer space that bulk data leave for telemetry.
 constexpr size_t bulk_backlog = 1024;
 
-/// Share of a serial line, in bytes per bit: ten bits are a byte, and half of them are ours.
+/// Bytes per bit of a serial line: ten bits per byte, half of the capacity.
 constexpr float bytes_per_baud = 0.05f;
 
-/// A modem behind a fast line overflows when a burst comes faster than it goes through the air. So bytes leave at this
-/// many times the budget at most, a packet at a time.
+/// Maximum output rate as a multiple of the budget, one packet at a time: a modem behind a fast line overflows by
+/// faster bursts.
 constexpr float line_share = 1.5f;
 
 float burst_of(float bytes_s) {
@@ -39,7 +39,7 @@ float Link::budget() const {
 }
 
 void Link::refill(uint64_t now_us) {
-    // A clock that went back (entering or leaving host-in-the-loop) starts a new account.
+    // The clock went back (entering or leaving hardware-in-the-loop): restart the token buckets.
     const float seconds = now_us >= refilled_us_ ? static_cast<float>(now_us - refilled_us_) * 1e-6f : burst_s;
     refilled_us_ = now_us;
     const float bytes_s = budget();
@@ -99,7 +99,7 @@ bool Link::admits(Priority priority, size_t length) const {
     return false;
 }
 
-/// The answer to a stop takes the place of what would go out last, as long as that is no answer to a stop.
+/// Make room for the acknowledgement of a stop: drop frames from the end, except other acknowledgements of stops.
 void Link::make_room(size_t length) {
     while (pending_ + length > buffer_size && pending_ > begun_ + urgent_) {
         size_t last = begun_ + urgent_;
@@ -119,9 +119,9 @@ void Link::put(const uint8_t *frame, size_t length, Priority priority) {
     urgent_ += priority == Priority::stop ? length : 0;
 }
 
-/// The port has taken so many bytes.
+/// Remove sent bytes from the buffer.
 void Link::sent(size_t count) {
-    size_t end = begun_; // of the frame that the last byte belongs to
+    size_t end = begun_; // end of the frame that contains the last byte
     while (end < count) {
         end += frame_length(out_ + end);
     }
@@ -152,14 +152,14 @@ bool Link::send_payload(uint32_t id, const uint8_t *payload, Priority priority) 
     }
     put(frame, length, priority);
     ++sequence_;
-    if (!unlimited_) { // else the link would be silent afterwards, for as long as its budget needs for all of that
+    if (!unlimited_) { // otherwise the link would be silent afterwards until its budget has recovered
         tokens_ -= static_cast<float>(length);
         bulk_tokens_ -= priority == Priority::bulk ? static_cast<float>(length) : 0.0f;
     }
     return true;
 }
 
-/// Whole frames only: a modem makes a packet of what comes without a pause.
+/// Write complete frames only: a modem sends data without a pause as one packet.
 void Link::flush_frames() {
     size_t done = 0;
     while (done < pending_) {
@@ -176,7 +176,7 @@ void Link::flush_frames() {
 
 void Link::flush() {
     if (port_->session() != session_) {
-        return; // what waits was meant for somebody who has gone: receive() clears it
+        return; // pending data are of a closed connection: receive() clears them
     }
     if (port_->has_baud()) {
         flush_frames();

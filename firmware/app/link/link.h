@@ -11,51 +11,51 @@
 
 namespace omni {
 
-/// Who may still send when room or budget gets short, most important first.
+/// Transmit priority when buffer space or budget is short, highest first.
 enum class Priority : uint8_t {
-    stop,      ///< answers to stops: in front of everything that waits; in a full buffer, in the place of others
+    stop,      ///< acknowledgements of stops: sent before everything pending; displace others in a full buffer
     reply,     ///< answers and heartbeats: dropped only when the buffer is full
-    text,      ///< STATUSTEXT: as long as half of the buffer is free
+    text,      ///< STATUSTEXT: while half of the buffer is free
     telemetry, ///< within the budget
-    bulk,      ///< parameter lists: within half of the budget of their own, so that neither starves the other
+    bulk,      ///< parameter lists and logs: within a separate half of the budget, so that neither starves the other
 };
 
 class Link {
 public:
     static constexpr size_t buffer_size = 8192;
 
-    /// Longest frame that a radio is sent unasked: an XBee cuts its stream into packets of about this many bytes.
+    /// Longest unrequested frame on a radio: about the packet size of an XBee.
     static constexpr size_t radio_frame = 100;
 
-    /// @param number of the link, from 0. @param signing of a radio; nullptr where whoever is connected has the robot
-    /// in hand.
+    /// @param number of the link, from 0. @param signing for radios; nullptr for wired links, whose user
+    /// has physical access.
     void attach(SerialPort *port, uint8_t number = 0, Signing *signing = nullptr) {
         port_ = port;
         number_ = number;
         signing_ = signing;
     }
     bool is_radio() const { return signing_ != nullptr; }
-    /// Whether this frame may do anything; counted if not.
+    /// Is this frame accepted by signing? Rejected ones are counted.
     bool admits(const Frame &frame) { return signing_ == nullptr || signing_->admits(frame); }
-    /// Where bytes between frames go; silence counts as a frame.
+    /// Set the receiver of the bytes between frames; a silence is reported as a frame.
     void set_text(TextSink *text) {
         text_ = text;
         parser_.set_text(text);
     }
-    /// Speed of the port's line [bit/s], for ports that have one: from when the buffer is empty on.
+    /// Baud rate [bit/s], for ports that have one; applied when the transmit buffer is empty.
     void set_baud(uint32_t baud) { baud_ = baud; }
     void set_system(uint8_t system) { system_ = system; }
-    /// @param bytes_s what the link may carry, B/s; a line with a baud rate carries no more than half of that.
+    /// @param bytes_s budget [B/s]; limited to half of the baud rate.
     void set_budget(float bytes_s) { budget_ = bytes_s; }
-    /// Budgets are off in host-in-the-loop: its wire carries far more than telemetry anyway, and its clock may stand
-    /// still. Except on a line with a baud rate.
+    /// Disable the budget in hardware-in-the-loop, whose simulated time may stand still. No effect on a link with a
+    /// baud rate.
     void set_unlimited(bool unlimited) { unlimited_ = unlimited && !port_->has_baud(); }
-    /// Add what the time since the last call allows to send.
+    /// Refill the token buckets by the time since the last call.
     void refill(uint64_t now_us);
-    /// Read waiting bytes and look after a frame that stopped arriving half-way. @param idle_ns free-running time.
+    /// Read received bytes; discard an incomplete frame after a timeout. @param idle_ns free-running time.
     void receive(uint64_t idle_ns);
     bool next(Frame *frame) { return parser_.next(frame); }
-    /// True if a frame of this priority would be sent now.
+    /// Would a frame of this priority be accepted now?
     bool admits(Priority priority, size_t length) const;
     /// Send a message. @return false (and counted, for telemetry) if it was dropped.
     template <class Message>
@@ -65,14 +65,14 @@ public:
         std::memcpy(payload, &message, sizeof message);
         return send_payload(id, payload, priority);
     }
-    /// Give the port what it takes.
+    /// Write pending bytes to the port.
     void flush();
-    /// True once for each new connection.
+    /// Check for a new connection; true once for each.
     bool connected_anew();
     bool connected() const { return session_ != 0; }
     uint32_t rx_errors() const { return parser_.errors(); }
     uint32_t tx_dropped() const { return tx_dropped_; }
-    /// Telemetry that became old before there was room for it.
+    /// Count telemetry that was skipped for lack of room.
     void count_dropped(uint32_t frames) { tx_dropped_ += frames; }
 
 private:
@@ -92,8 +92,8 @@ private:
     uint32_t applied_baud_ = 0;
     uint8_t out_[buffer_size] = {};
     size_t pending_ = 0;
-    size_t begun_ = 0;  ///< bytes at the beginning of out_ that belong to a frame whose first bytes have gone
-    size_t urgent_ = 0; ///< bytes behind those that answer stops
+    size_t begun_ = 0;  ///< remaining bytes of a frame that is partly sent, at the start of out_
+    size_t urgent_ = 0; ///< bytes of acknowledgements of stops, after those
     uint8_t system_ = 1;
     uint8_t sequence_ = 0;
     bool unlimited_ = false;

@@ -10,7 +10,10 @@
 
 namespace omni {
 
-/// Who sent a message, and where the answer goes.
+/// "No link" as a link number.
+constexpr size_t no_link = Board::max_ports;
+
+/// Sender of a message: MAVLink system and component, and the link for the answer.
 struct Sender {
     size_t link = 0;
     uint8_t system = 0;
@@ -23,16 +26,16 @@ struct Sender {
 
 class Links {
 public:
-    /// @param ports of the board; each says itself whether it is a radio. @param signing closes the radios' door.
+    /// @param board its ports; radio ports get signing. @param signing checks frames from radios.
     void attach(const Board &board, Signing &signing);
     size_t count() const { return count_; }
     Link &operator[](size_t link) { return links_[link]; }
     const Link &operator[](size_t link) const { return links_[link]; }
-    /// Whoever has the robot in hand can be told something: a link that is no radio is connected, or there is none.
+    /// A wired link is connected, or the board has none: a message reaches someone with physical access.
     bool cable_connected() const;
     /// See Link::set_unlimited().
     void set_unlimited(bool unlimited);
-    /// Answer on the link that a message came from. @return false if the answer was dropped.
+    /// Answer on the link of the sender. @return false if the answer was dropped.
     template <class Message>
     bool reply(const Sender &to, uint32_t id, const Message &message) {
         return links_[to.link].send(id, message, Priority::reply);

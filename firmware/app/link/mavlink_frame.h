@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file mavlink_frame.h  A received MAVLink message, and how long one can be.
+/// @file mavlink_frame.h  Received MAVLink frame, and size limits.
 #pragma once
 
 #include <cstddef>
@@ -17,15 +17,15 @@ struct Frame {
     uint32_t id = 0;
     uint8_t system = 0;
     uint8_t component = 0;
-    uint8_t target_system = 0;      ///< 0: everybody
-    uint8_t target_component = 0;   ///< 0: every component
-    bool is_signed = false;         ///< carries a signature, not looked at yet
-    bool early = false;             ///< a stop that comes once more in its turn, see FrameParser
+    uint8_t target_system = 0;      ///< 0: broadcast
+    uint8_t target_component = 0;   ///< 0: all components
+    bool is_signed = false;         ///< has a signature (not verified here)
+    bool early = false;             ///< a stop returned ahead of the stream order, see FrameParser
     const uint8_t *bytes = nullptr; ///< as received, signature included; valid until the parser gets new bytes
     size_t length = 0;
     uint8_t payload[max_payload] = {}; ///< zero behind the bytes received (MAVLink 2 trims zeros)
 
-    /// The payload as the generated struct of this message.
+    /// Payload as the generated struct of the message.
     template <class Message>
     Message as() const {
         static_assert(sizeof(Message) <= max_payload + 1, "not a MAVLink payload");

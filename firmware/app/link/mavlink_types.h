@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file mavlink_types.h  The generated dialect: payload structs, message ids and enums. Nothing else of the C library
-/// is used: framing is in codec.h. The structs have wire order; every target is little-endian.
+/// @file mavlink_types.h  The generated dialect: payload structs, message ids and enums. Of the C library
+/// nothing else is used: framing is in codec.h. The structs have wire order; all targets are little-endian.
 #pragma once
 
 #include <cstddef>

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
@@ -41,7 +41,7 @@ uint64_t time_of(const uint8_t *signature) {
     return time;
 }
 
-/// In a time that does not depend on where they differ.
+/// Constant-time comparison.
 bool are_equal(const uint8_t *a, const uint8_t *b, size_t length) {
     uint8_t difference = 0;
     for (size_t i = 0; i < length; ++i) {
@@ -67,7 +67,7 @@ OMNI_COLD void Signing::boot() {
     uint64_t time = 0;
     if (time_store_.load(reinterpret_cast<uint8_t *>(&time)) == RecordStore::Result::ok) {
         stored_time_ = time;
-        set_on(std::min(time, latest_time));
+        set_on(std::min(time, max_time));
     }
 }
 
@@ -97,7 +97,7 @@ void Signing::forget_streams() {
     replaced_ = 0;
 }
 
-/// Into both slots. An old key is gone then, and damage to the new one is not taken for a memory that never held any.
+/// Write both slots: this erases the old key, and a damaged new key is not mistaken for an empty memory.
 /// @param key nullptr: none.
 bool Signing::store_key(const uint8_t *key) {
     uint8_t record[key_content] = {};
@@ -108,14 +108,14 @@ bool Signing::store_key(const uint8_t *key) {
     return key_store_.save(record) && key_store_.save(record);
 }
 
-/// Whoever holds the cable says what time it is. A stream that is ahead of that could not go on.
+/// Set the clock from a cable. Streams ahead of it are dropped, as they could never be accepted again.
 void Signing::set_time(uint64_t time) {
     if (time == 0) {
         return;
     }
-    time_ = std::min(time, latest_time);
+    time_ = std::min(time, max_time);
     replaced_ = std::min(replaced_, time_);
-    last_sent_ = time_; // what was signed ahead of it could not be followed by a station that is right
+    last_sent_ = time_; // otherwise our frames would be ahead of stations with a correct clock
     for (Stream &stream : streams_) {
         stream.used = stream.used && stream.last <= time_;
     }
@@ -130,7 +130,7 @@ OMNI_COLD bool Signing::set_key(const uint8_t *key, uint64_t time) {
         use_key(key);
     }
     set_time(time);
-    if (!same || outdated(new_stream_slack)) { // a repeated request wears nothing
+    if (!same || outdated(new_stream_slack)) { // a repeated request causes no wear
         store_time();                          // tried again if it fails
     }
     return true;
@@ -153,7 +153,7 @@ Signing::Stream *Signing::find(const Frame &frame, uint8_t link_id) {
     return nullptr;
 }
 
-/// A free place, or that of the stream whose last frame is the oldest.
+/// A free entry, or the stream with the oldest last frame.
 OMNI_COLD Signing::Stream *Signing::vacant() {
     Stream *oldest = streams_;
     for (Stream &stream : streams_) {
@@ -165,7 +165,7 @@ OMNI_COLD Signing::Stream *Signing::vacant() {
     return oldest;
 }
 
-/// Where an authentic frame's time stamp is to be noted. @return nullptr if it may be a recording.
+/// Stream of an authentic frame. @return nullptr if it may be a replay.
 Signing::Stream *Signing::stream_of(const Frame &frame) {
     const uint8_t *signature = frame.bytes + frame.length - signature_length;
     const uint64_t time = time_of(signature);
@@ -187,7 +187,7 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     if (state_ == State::damaged || !are_equal(expected, signature + at_digest, digest_length)) {
         return Verdict::wrong;
     }
-    if (time_ != 0 && time_of(signature) > time_ + most_ahead) {
+    if (time_ != 0 && time_of(signature) > time_ + max_clock_lead) {
         return Verdict::ahead;
     }
     Stream *stream = stream_of(frame);
@@ -197,10 +197,10 @@ Signing::Verdict Signing::judge(const Frame &frame) {
     if (!frame.early) {
         const uint64_t time = time_of(signature);
         if (stream->used && !stream->is_of(frame, signature[0])) {
-            replaced_ = std::max(replaced_, stream->last); // none of its recordings begins a stream
+            replaced_ = std::max(replaced_, stream->last); // no recording of it may start a new stream
         }
         *stream = {true, frame.system, frame.component, signature[0], time};
-        set_on(std::min(time + 1, latest_time)); // a peer that takes its clock from ours has this time already
+        set_on(std::min(time + 1, max_time)); // a peer that follows our clock already has this time
     }
     return Verdict::taken;
 }
@@ -227,7 +227,7 @@ size_t Signing::sign(uint8_t *frame, size_t length, uint8_t link_id) {
 }
 
 void Signing::advance(uint64_t now_us) {
-    rest_us_ += now_us > advanced_us_ ? std::min(now_us - advanced_us_, longest_step_us) : 0;
+    rest_us_ += now_us > advanced_us_ ? std::min(now_us - advanced_us_, max_clock_step_us) : 0;
     advanced_us_ = now_us;
     time_ = std::min(time_ + rest_us_ / us_per_unit, time_stamp_limit);
     rest_us_ %= us_per_unit;

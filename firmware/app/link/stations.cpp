@@ -3,7 +3,7 @@
 
 #include <algorithm>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 
@@ -22,8 +22,8 @@ OMNI_COLD size_t Stations::find(const Sender &sender) const {
     return i;
 }
 
-/// Never that of the station in command. One whose drive has ended stays as long as there are others: its setpoints
-/// would count again.
+/// Entry to replace: never the station in command; one whose drive has ended only if there is no other, as its
+/// setpoints would be accepted again.
 OMNI_COLD size_t Stations::free_place() const {
     size_t place = most;
     for (size_t i = 0; i < most; ++i) {
@@ -52,7 +52,7 @@ OMNI_COLD size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
 
 OMNI_COLD void Stations::take_command(const Sender &sender, uint64_t now_us) {
     commander_ = find_or_add(sender, now_us);
-    end_drives_but(sender);
+    end_other_drives(sender);
 }
 
 OMNI_COLD void Stations::release() {
@@ -63,7 +63,7 @@ OMNI_COLD void Stations::release() {
     }
 }
 
-bool Stations::may_stream(const Sender &sender, uint64_t now_us) {
+bool Stations::accepts_setpoints(const Sender &sender, uint64_t now_us) {
     const size_t i = find(sender);
     if (i == most) {
         newcomer_ = sender;
@@ -77,23 +77,23 @@ bool Stations::may_stream(const Sender &sender, uint64_t now_us) {
     return !station.ended;
 }
 
-OMNI_COLD bool Stations::streams(const Sender &sender, uint64_t now_us, uint64_t most_us) const {
+OMNI_COLD bool Stations::is_streaming(const Sender &sender, uint64_t now_us, uint64_t max_age_us) const {
     const size_t i = find(sender);
     const uint64_t newcomer_us = newcomer_ == sender ? newcomer_us_ : 0;
     const uint64_t known_us = i < most ? stations_[i].streamed_us : 0;
     const uint64_t streamed_us = std::max(known_us, newcomer_us);
-    return streamed_us != 0 && (now_us < streamed_us || now_us - streamed_us <= most_us);
+    return streamed_us != 0 && (now_us < streamed_us || now_us - streamed_us <= max_age_us);
 }
 
-OMNI_COLD void Stations::begin_drive(const Sender &sender) {
+OMNI_COLD void Stations::start_drive(const Sender &sender) {
     const size_t i = find(sender);
     if (i < most) {
         stations_[i].ended = false;
     }
 }
 
-/// Whoever has the command drives already: its first setpoint may still be on its way.
-OMNI_COLD void Stations::end_drives_but(const Sender &sender) {
+/// The station in command counts as driving: its first setpoint may still be in transit.
+OMNI_COLD void Stations::end_other_drives(const Sender &sender) {
     for (size_t i = 0; i < most; ++i) {
         Station &station = stations_[i];
         if ((station.drove || i == commander_) && !(station.who == sender)) {
@@ -103,7 +103,7 @@ OMNI_COLD void Stations::end_drives_but(const Sender &sender) {
     }
 }
 
-void Stations::hear(const Sender &sender, uint64_t now_us) {
+void Stations::record_heartbeat(const Sender &sender, uint64_t now_us) {
     stations_[find_or_add(sender, now_us)].heard_us = now_us > 0 ? now_us : 1;
 }
 

@@ -9,7 +9,7 @@ namespace {
 static_assert(longest_stop >= 12 + signature_length + MAVLINK_MSG_ID_COMMAND_INT_LEN, "a stop may be longer");
 static_assert(longest_stop >= 12 + signature_length + MAVLINK_MSG_ID_COMMAND_LONG_LEN, "a stop may be longer");
 
-/// As Commands reads them: only a clear release is none, and only a clear 0 disarms.
+/// Same interpretation as in Commands: everything but an exact release stops; only an exact 0 disarms.
 bool is_stop(uint16_t command, float param1) {
     switch (command) {
     case MAV_CMD_COMPONENT_ARM_DISARM:

@@ -30,24 +30,24 @@ void Texts::send(size_t link, TextGate &gate, uint8_t severity, const Text &text
 
 void Texts::say(uint8_t severity, const Text &text) {
     for (size_t i = 0; i < links_.count(); ++i) {
-        say_on(i, severity, text);
+        send_to(i, severity, text);
     }
 }
 
-void Texts::say_on(size_t link, uint8_t severity, const Text &text) {
+void Texts::send_to(size_t link, uint8_t severity, const Text &text) {
     send(link, gates_[link].news, severity, text);
 }
 
 void Texts::refuse(uint8_t severity, const Text &text) {
-    if (asker_ < links_.count()) {
-        send(asker_, gates_[asker_].refusals, severity, text);
+    if (requester_ < links_.count()) {
+        send(requester_, gates_[requester_].refusals, severity, text);
     } else {
         say(severity, text);
     }
 }
 
-void Texts::refuse_streamed(uint64_t (&said_us)[Board::max_ports], const Text &text) {
-    const size_t link = asker_ < links_.count() ? asker_ : 0;
+void Texts::refuse_rate_limited(uint64_t (&said_us)[Board::max_ports], const Text &text) {
+    const size_t link = requester_ < links_.count() ? requester_ : 0;
     if (said_us[link] != 0 && clock_.now_us >= said_us[link] && clock_.now_us - said_us[link] < streamed_interval_us) {
         gates_[link].refusals.count();
         return;
@@ -56,18 +56,18 @@ void Texts::refuse_streamed(uint64_t (&said_us)[Board::max_ports], const Text &t
     refuse(MAV_SEVERITY_WARNING, text);
 }
 
-void Texts::say_left_out(size_t link, TextGate &gate, const char *what) {
-    const uint32_t number = gate.take_left_out(clock_.now_us);
+void Texts::report_suppressed(size_t link, TextGate &gate, const char *what) {
+    const uint32_t number = gate.take_suppressed_count(clock_.now_us);
     const mavlink_statustext_t message = status_text(MAV_SEVERITY_NOTICE, Text().add(number).add(what));
     if (number > 0 && !links_[link].send(MAVLINK_MSG_ID_STATUSTEXT, message, Priority::text)) {
         gate.count(number);
     }
 }
 
-void Texts::say_left_out() {
+void Texts::report_suppressed() {
     for (size_t i = 0; i < links_.count(); ++i) {
-        say_left_out(i, gates_[i].news, " messages left out");
-        say_left_out(i, gates_[i].refusals, " more refusals left out");
+        report_suppressed(i, gates_[i].news, " messages left out");
+        report_suppressed(i, gates_[i].refusals, " more refusals left out");
     }
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file texts.h  STATUSTEXT: news for every link, refusals for whoever asked. Both are limited in rate, per link.
+/// @file texts.h  STATUSTEXT: events to all links, refusals to the requesting link. Both are rate-limited per link.
 #pragma once
 
 #include <cstddef>
@@ -15,37 +15,34 @@ namespace omni {
 
 class Texts {
 public:
-    static constexpr size_t nobody = Board::max_ports;
-
     Texts(Links &links, const RobotClock &clock) : links_(links), clock_(clock) {}
 
-    /// A message of this link is being seen to: refusals go there. @param link or `nobody`.
-    void set_asker(size_t link) { asker_ = link; }
+    /// Set the link whose message is being processed, for refusals. @param link or `no_link`.
+    void set_requester(size_t link) { requester_ = link; }
     /// Send a STATUSTEXT on every link, at most two a second after a burst. @param severity MAV_SEVERITY.
     void say(uint8_t severity, const Text &text);
-    /// The same on one link.
-    void say_on(size_t link, uint8_t severity, const Text &text);
-    /// Tell whoever asked why not: on that link only, at most one a second after a burst. Everybody's business if
-    /// nobody asked.
+    /// Send a STATUSTEXT on one link, with the same rate limit.
+    void send_to(size_t link, uint8_t severity, const Text &text);
+    /// Send the reason of a refusal to the requesting link, at most one a second after a burst; to all links if there
+    /// is no request.
     void refuse(uint8_t severity, const Text &text);
-    /// The same for what is streamed, at most once a second. @param said_us when it was last said on each link; 0: not
-    /// yet.
-    void refuse_streamed(uint64_t (&said_us)[Board::max_ports], const Text &text);
-    /// Say how many texts were left out, where there were any.
-    void say_left_out();
+    /// Refusal of a streamed message, at most once a second. @param said_us time of the last one on each link; 0: none.
+    void refuse_rate_limited(uint64_t (&said_us)[Board::max_ports], const Text &text);
+    /// Report the number of suppressed texts, if any.
+    void report_suppressed();
 
 private:
-    /// What a link was not told.
+    /// Rate limiters of a link.
     struct Gates {
         TextGate news = TextGate(500'000);
         TextGate refusals = TextGate(1'000'000);
     };
     void send(size_t link, TextGate &gate, uint8_t severity, const Text &text);
-    void say_left_out(size_t link, TextGate &gate, const char *what);
+    void report_suppressed(size_t link, TextGate &gate, const char *what);
 
     Links &links_;
     const RobotClock &clock_;
-    size_t asker_ = nobody;
+    size_t requester_ = no_link;
     Gates gates_[Board::max_ports];
 };
 

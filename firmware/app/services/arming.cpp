@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/arming.h"
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
 
-/// Before the first tick, or while the motor driver's first setup is under way without any error.
+/// Before the first tick, or during the motor driver's first initialisation without an error so far.
 bool starting_up(const TickReport &latest) {
     const uint32_t others = latest.arming_faults & ~static_cast<uint32_t>(OMNI_FAULT_LINK_LOSS);
     const bool driver_not_yet = others == OMNI_FAULT_DRIVER && latest.i2c_errors == 0;
@@ -20,12 +20,12 @@ uint8_t Arming::command(float wanted, const Sender &sender) {
     if (wanted == 1.0f) {
         return arm(sender);
     }
-    // Always possible, in every state; it needs no force (param2 = 21196) and does not mind it.
+    // Always possible, in every state; force (param2 = 21196) is not needed and ignored.
     return wanted == 0.0f ? stop(OMNI_EVENT_DISARM, sender) : static_cast<uint8_t>(MAV_RESULT_DENIED);
 }
 
-/// Who arms a robot without the pin should know what that means. Once is enough.
-void Arming::warn_of_missing_pin() {
+/// Warn once that motors cannot be stopped without the bus.
+void Arming::warn_missing_output_enable() {
     if (!pin_said_ && !robot_.hil() && !conditions_.output_enable.wired()) {
         pin_said_ = true;
         texts_.say(MAV_SEVERITY_NOTICE, Text().add("no output-enable pin: a dead bus cannot be stopped"));
@@ -40,8 +40,8 @@ uint8_t Arming::arm(const Sender &sender) {
     }
     if (robot_.stopping() &&
         (state == OMNI_STATE_ARMED || state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_DISARMED)) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // the stop asked for has not been reported yet: in one tick it would
-                                                // win
+        return MAV_RESULT_TEMPORARILY_REJECTED; // a stop is pending: in the same tick it would have
+                                                // priority
     }
     if ((state == OMNI_STATE_ARMED || robot_.arming()) && !heartbeats_.may_move(sender)) {
         return MAV_RESULT_DENIED;
@@ -50,7 +50,7 @@ uint8_t Arming::arm(const Sender &sender) {
         heartbeats_.commanded(sender);
         return MAV_RESULT_ACCEPTED;
     }
-    if (robot_.misfit() != nullptr) {
+    if (robot_.unusable_value() != nullptr) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: own values do not fit"));
         return MAV_RESULT_DENIED;
     }
@@ -67,7 +67,7 @@ uint8_t Arming::arm(const Sender &sender) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (state == OMNI_STATE_ESTOP && robot_.releasing()) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // the release was accepted and has not been reported yet
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the release is pending
     }
     if (state != OMNI_STATE_DISARMED) {
         const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
@@ -88,8 +88,8 @@ uint8_t Arming::arm(const Sender &sender) {
     if (!control_.request_event(OMNI_EVENT_ARM)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
-    robot_.expect_arming();
-    warn_of_missing_pin();
+    robot_.set_arming_pending();
+    warn_missing_output_enable();
     trajectories_.on_arm(sender);
     return MAV_RESULT_ACCEPTED;
 }
@@ -98,9 +98,9 @@ uint8_t Arming::stop(uint32_t event, const Sender &sender) {
     trajectories_.on_disarm();
     control_.plans.withdraw();
     control_.stop(event);
-    robot_.expect_stop();
-    heartbeats_.tell_who("stopped", sender);
-    heartbeats_.stations.end_drives_but(sender);
+    robot_.set_stop_pending();
+    heartbeats_.notify_displaced_station("stopped", sender);
+    heartbeats_.stations.end_other_drives(sender);
     return MAV_RESULT_ACCEPTED;
 }
 
@@ -114,7 +114,7 @@ uint8_t Arming::estop_or_release(float stop, const Sender &sender) {
 
 uint8_t Arming::release() {
     if (robot_.disarming()) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
+        return MAV_RESULT_TEMPORARILY_REJECTED; // in the same tick the stop has priority
     }
     if (robot_.armed()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("there is no emergency stop to release"));
@@ -125,13 +125,13 @@ uint8_t Arming::release() {
         return MAV_RESULT_DENIED;
     }
     if (control_.stopping(OMNI_EVENT_ESTOP)) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // in one tick with the stop it would lose
+        return MAV_RESULT_TEMPORARILY_REJECTED; // in the same tick the stop has priority
     }
     button_.release();
     if (!control_.request_event(OMNI_EVENT_ESTOP_CLEAR)) {
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
-    robot_.expect_release();
+    robot_.set_release_pending();
     return MAV_RESULT_ACCEPTED;
 }
 

@@ -1,8 +1,7 @@
 // SPDX-License-Identifier: MIT
-/// @file arming.h  Motors on and off by command: arming, disarming, the emergency stop and its release.
+/// @file arming.h  Commands to arm, disarm, e-stop and release the e-stop.
 ///
-/// Stops are always possible and wait for nothing. Arming is refused with a reason wherever a motor could move
-/// unexpectedly.
+/// Stops are always executed immediately. Arming is refused, with a reason, if a motor could move unexpectedly.
 #pragma once
 
 #include "app/link/signing.h"
@@ -16,7 +15,7 @@ namespace omni {
 
 class Arming {
 public:
-    /// What is looked at before arming, beside the robot itself.
+    /// Other conditions for arming.
     struct Conditions {
         OutputEnable &output_enable;
         const ScanService &scan;
@@ -28,15 +27,15 @@ public:
         : conditions_(conditions), texts_(texts), robot_(robot), control_(control), heartbeats_(heartbeats),
           button_(button), signing_(signing), trajectories_(trajectories) {}
 
-    /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1 arms, 0 disarms. @param sender that asks. @return MAV_RESULT
+    /// MAV_CMD_COMPONENT_ARM_DISARM. @param wanted 1: arm, 0: disarm. @return MAV_RESULT
     uint8_t command(float wanted, const Sender &sender);
     uint8_t estop(const Sender &sender);
-    /// MAV_CMD_OMNI_ESTOP. Only a clear "release" releases; whatever else was meant, stopping is the safe reading.
+    /// MAV_CMD_OMNI_ESTOP. Only the exact value for a release releases; any other value stops (fail-safe).
     uint8_t estop_or_release(float stop, const Sender &sender);
 
 private:
     uint8_t arm(const Sender &sender);
-    void warn_of_missing_pin();
+    void warn_missing_output_enable();
     uint8_t stop(uint32_t event, const Sender &sender);
     uint8_t release();
 

@@ -4,14 +4,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "app/base/cold.h"
-#include "app/base/whole.h"
+#include "app/base/flash_code.h"
+#include "app/base/integer_check.h"
 
 namespace omni {
 namespace {
 
 constexpr uint16_t log_id = 0;
-/// Bytes in a LOG_DATA. A shorter one says that this is the end of the log.
+/// Bytes in a LOG_DATA. A shorter one marks the end of the log.
 constexpr uint32_t piece_bytes = sizeof(mavlink_log_data_t::data);
 constexpr float longest_s = 1000.0f;
 constexpr float most_every = 100.0f;
@@ -23,11 +23,11 @@ OMNI_COLD uint8_t BurstLog::refuse(const Text &why) {
     return MAV_RESULT_DENIED;
 }
 
-/// @return false if a number is none of those that docs/reference/burst.md allows.
+/// @return false if a parameter is not allowed by docs/reference/burst.md.
 OMNI_COLD bool BurstLog::plan(float duration_s, float every, float signals, float wheels, BurstPlan &plan) const {
     const auto all_wheels = static_cast<float>((1u << parameters_.config().kinematics.wheels) - 1u);
-    if (!(duration_s > 0.0f && duration_s <= longest_s) || !is_whole(every, 1.0f, most_every) ||
-        !is_whole(signals, 0.0f, burst_all_signals) || !is_whole(wheels, 0.0f, all_wheels)) {
+    if (!(duration_s > 0.0f && duration_s <= longest_s) || !is_integer_within(every, 1.0f, most_every) ||
+        !is_integer_within(signals, 0.0f, burst_all_signals) || !is_integer_within(wheels, 0.0f, all_wheels)) {
         return false;
     }
     const float tick_s = 1e-6f * static_cast<float>(OMNI_TICK_US);
@@ -97,7 +97,7 @@ OMNI_COLD void BurstLog::erase() {
     }
 }
 
-/// To everybody nobody answers: a fleet would do it in chorus.
+/// Broadcast requests are not answered: all robots on a shared radio would respond at once.
 OMNI_COLD bool BurstLog::take(const Frame &frame, const Sender &sender) {
     if (frame.target_system == 0) {
         return false;

@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file burst_log.h  Starts bursts, and hands a recorded one out with MAVLink's log protocol: as ground stations fetch
-/// a log.
+/// @file burst_log.h  Starts bursts, and serves a recorded one by MAVLink's log protocol (LOG_REQUEST_*).
 ///
-/// The newest burst is log number 0. What is lost on the way is asked for again by whoever fetches it. The data go out
-/// with the lowest priority, so telemetry and answers come first.
+/// The newest burst is log number 0. The client requests lost pieces again. Data have the lowest priority, after
+/// telemetry and acknowledgements.
 #pragma once
 
 #include "app/services/parameters.h"
@@ -19,17 +18,17 @@ public:
         control.burst.attach(board.burst_memory, board.burst_bytes);
     }
 
-    /// MAV_CMD_OMNI_BURST. @param wait begin with the next experiment. @return MAV_RESULT
+    /// MAV_CMD_OMNI_BURST. @param wait start with the next excitation. @return MAV_RESULT
     uint8_t start(float duration_s, float every, float signals, float wheels, float wait);
-    /// @return false if this is no message of the log protocol.
+    /// Handle a message of the log protocol. @return false if it is another message.
     bool take(const Frame &frame, const Sender &sender);
-    /// Send what was asked for and fits.
+    /// Send requested data as far as the links accept it.
     void serve();
-    /// A link has somebody else behind it.
+    /// Cancel the transfer on a link with a new peer.
     void forget(size_t link) { streams_[link] = {}; }
 
 private:
-    /// What a link is still to be sent.
+    /// Remaining transfer on a link.
     struct Stream {
         uint32_t next = 0;
         uint32_t end = 0;

@@ -4,16 +4,16 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
 #include "app/base/crc32.h"
+#include "app/base/flash_code.h"
 #include "app/link/stops.h"
 #include "app/services/reports.h"
 
 namespace omni {
 namespace {
 
-/// Command numbers that pymavlink's common.xml knows, under short names.
+/// Short names of command numbers in common.xml.
 enum : uint16_t {
     cmd_do_set_mode = MAV_CMD_DO_SET_MODE,
     cmd_terminate = MAV_CMD_DO_FLIGHTTERMINATION,
@@ -25,7 +25,7 @@ enum : uint16_t {
     cmd_capabilities = MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES,
 };
 
-/// Of a COMMAND_LONG or COMMAND_INT: seven numbers of four bytes come first in both.
+/// Parameters of a COMMAND_LONG or COMMAND_INT: seven values of four bytes at the start of both.
 template <class Message>
 int32_t receipt_of(const Message &message, bool numbered) {
     if (!numbered) {
@@ -94,7 +94,7 @@ OMNI_COLD Commands::Effect Commands::effect_of(const Command &command) {
     }
 }
 
-OMNI_COLD uint8_t Commands::result_of(const Command &command) {
+OMNI_COLD uint8_t Commands::execute_or_deny(const Command &command) {
     const Effect effect = effect_of(command);
     if (effect == Effect::ends) {
         memory_.stopped(command.sender, clock_.now_us);
@@ -122,15 +122,15 @@ OMNI_COLD uint8_t Commands::result_of(const Command &command) {
 void Commands::handle(const Command &command) {
     mavlink_command_ack_t ack{};
     ack.command = command.id;
-    ack.result = result_of(command);
+    ack.result = execute_or_deny(command);
     ack.result_param2 = command.receipt;
     ack.target_system = command.sender.system;
     ack.target_component = command.sender.component;
     links_[command.sender.link].send(MAVLINK_MSG_ID_COMMAND_ACK, ack, command.stops ? Priority::stop : Priority::reply);
 }
 
-/// @param holds the pose, or ends an excitation: no drive begins.
-void Commands::note_motion(bool holds, const Sender &sender) {
+/// @param holds it holds the pose or ends an excitation: no drive is started.
+void Commands::record_motion(bool holds, const Sender &sender) {
     if (holds) {
         services_.heartbeats.held(sender);
     } else {
@@ -138,7 +138,7 @@ void Commands::note_motion(bool holds, const Sender &sender) {
     }
 }
 
-/// Commands that say where to go.
+/// Motion commands.
 uint8_t Commands::run_motion(const Command &command) {
     const float *p = command.param;
     const bool holds = effect_of(command) == Effect::ends;
@@ -154,7 +154,7 @@ uint8_t Commands::run_motion(const Command &command) {
         result = services_.excitations.start({p[0], p[1], p[2], p[3], p[4], p[5]});
     }
     if (result == MAV_RESULT_ACCEPTED) {
-        note_motion(holds, command.sender);
+        record_motion(holds, command.sender);
     }
     return result;
 }
@@ -183,11 +183,11 @@ OMNI_COLD uint8_t Commands::run(const Command &command) {
     case cmd_capabilities:
         return request_message(command.sender.link, MAVLINK_MSG_ID_AUTOPILOT_VERSION);
     default:
-        return run_own(command);
+        return run_omni_command(command);
     }
 }
 
-OMNI_COLD uint8_t Commands::run_own(const Command &command) {
+OMNI_COLD uint8_t Commands::run_omni_command(const Command &command) {
     const float *p = command.param;
     switch (command.id) {
     case MAV_CMD_OMNI_HIL:
@@ -218,7 +218,7 @@ OMNI_COLD uint8_t Commands::hil_command(float enable, size_t link) {
     return services_.hil.switch_hil(enable == 1.0f, link);
 }
 
-/// What is on trial may be taken back: it is not stored.
+/// Parameters on trial are not stored, as they may be restored.
 OMNI_COLD uint8_t Commands::storage(float action) {
     if (action == 1.0f && services_.trial.on()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("nothing stored: parameters are on trial"));
@@ -230,31 +230,31 @@ OMNI_COLD uint8_t Commands::storage(float action) {
 OMNI_COLD uint8_t Commands::set_mode(ModeRequest mode, const Sender &sender) {
     if (mode == ModeRequest::hold) {
         const uint8_t result = services_.trajectories.stop();
-        note_motion(true, sender);
+        record_motion(true, sender);
         return result;
     }
     if (mode == ModeRequest::follow_setpoints) {
         return follow_setpoints(sender);
     }
-    texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("no such mode: hold, or follow set-points"));
+    texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("no such mode: hold, or follow setpoints"));
     return MAV_RESULT_DENIED;
 }
 
-/// Set-points move an armed robot without it. It is the start of a drive to the station, as arming is: after the end of
-/// its last one its set-points are used again. Disarmed it changes nothing, so that another station's arming does not
-/// let them move the robot.
+/// Not needed to follow setpoints while armed. It starts a drive of the station, as arming does: after the end of its
+/// last drive its setpoints are accepted again. No effect while disarmed, so that another station's arming does not
+/// enable them.
 OMNI_COLD uint8_t Commands::follow_setpoints(const Sender &sender) {
     if (!services_.heartbeats.may_move(sender)) {
         return MAV_RESULT_DENIED;
     }
     const float timeout_s = services_.parameters.config().limits.command_timeout_s;
-    const bool streams = services_.heartbeats.streams(sender, static_cast<uint64_t>(timeout_s * 1e6f));
-    if (!streams || services_.setpoints.refused()) {
-        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode refused: send valid set-points first"));
+    const bool is_streaming = services_.heartbeats.is_streaming(sender, static_cast<uint64_t>(timeout_s * 1e6f));
+    if (!is_streaming || services_.setpoints.refused()) {
+        texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("mode refused: send valid setpoints first"));
         return MAV_RESULT_TEMPORARILY_REJECTED;
     }
     if (robot_.armed()) {
-        note_motion(false, sender);
+        record_motion(false, sender);
     }
     return MAV_RESULT_ACCEPTED;
 }
@@ -281,7 +281,7 @@ OMNI_COLD uint8_t Commands::reboot(float what) {
     if (robot_.armed()) {
         return robot_.refuse_armed("reboot refused");
     }
-    robot_.ask_reboot();
+    robot_.request_reboot();
     return MAV_RESULT_ACCEPTED;
 }
 
@@ -307,7 +307,7 @@ OMNI_COLD uint8_t Commands::test_pin(float duration_s, float release) {
     PinTest test;
     test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
     test.release = release == 1.0f;
-    control_.test_pin(test);
+    control_.request_pin_test(test);
     return MAV_RESULT_ACCEPTED;
 }
 

@@ -2,13 +2,14 @@
 /// @file commands.h  COMMAND_LONG, COMMAND_INT and SET_MODE. Every command is acknowledged; an unknown one as
 /// UNSUPPORTED.
 ///
-/// Arm and disarm are the same command, and COMMAND_ACK says nothing of its parameters: a late one of "arm" looks like
-/// that of "disarm". So whoever numbers his commands in param5, which none of them uses, gets a receipt.
-/// COMMAND_ACK.result_param2 is then the CRC-32 of all seven parameters as they came. Without a number it is 0.
+/// Arm and disarm are one command, and COMMAND_ACK does not contain its parameters: a delayed acknowledgement of "arm"
+/// is indistinguishable from that of "disarm". So a client may number its commands in param5, which no command uses;
+/// COMMAND_ACK.result_param2 is then a receipt: the CRC-32 of all seven parameters as received. Without a number it is
+/// 0.
 ///
-/// An answer may get lost, and the command is then sent again, with COMMAND_LONG.confirmation above 0. A numbered one
-/// that was accepted is then only answered again. Stops and holds are executed every time. Once one has come, a
-/// repetition of an earlier command that begins a motion or releases an emergency stop is denied (CommandMemory).
+/// A retransmission (COMMAND_LONG.confirmation > 0) of a numbered command that was accepted is acknowledged only. Stops
+/// and holds are always executed. After one, a retransmission of an earlier command that starts a motion or releases an
+/// e-stop is denied (CommandMemory).
 #pragma once
 
 #include "app/link/command_memory.h"
@@ -27,7 +28,7 @@ namespace omni {
 
 class Commands {
 public:
-    /// Whom the commands are passed on to.
+    /// Services that execute the commands.
     struct Services {
         Arming &arming;
         Heartbeats &heartbeats;
@@ -57,24 +58,24 @@ private:
         float param[6] = {}; ///< 1 to 4, 6 and 7
         Sender sender;
         int32_t receipt = 0;
-        bool stops = false;    ///< its answer goes before all others
-        bool repeated = false; ///< its sender says that it was sent before
+        bool stops = false;    ///< acknowledge with Priority::stop
+        bool repeated = false; ///< retransmission: confirmation > 0
     };
     enum class Effect : uint8_t {
         other,
-        begins, ///< a motion, or it releases a stop
-        ends,   ///< a motion
+        begins, ///< starts a motion or releases a stop
+        ends,   ///< ends a motion
     };
     static Effect effect_of(const Command &command);
     void handle(const Command &command);
-    uint8_t result_of(const Command &command);
+    uint8_t execute_or_deny(const Command &command);
     uint8_t run(const Command &command);
-    uint8_t run_own(const Command &command);
+    uint8_t run_omni_command(const Command &command);
     uint8_t run_motion(const Command &command);
     uint8_t hil_command(float enable, size_t link);
     uint8_t set_mode(ModeRequest mode, const Sender &sender);
     uint8_t follow_setpoints(const Sender &sender);
-    void note_motion(bool holds, const Sender &sender);
+    void record_motion(bool holds, const Sender &sender);
     uint8_t storage(float action);
     uint8_t set_pose(const omni_pose_t &pose);
     uint8_t reboot(float what);

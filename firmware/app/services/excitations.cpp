@@ -3,16 +3,16 @@
 
 #include <cmath>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
-#include "app/base/whole.h"
+#include "app/base/flash_code.h"
+#include "app/base/integer_check.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
 namespace {
 
 constexpr float tick_s = 1e-6f * static_cast<float>(OMNI_TICK_US);
-/// Of the error that stops the robot (SAFE_ERR_XY, SAFE_ERR_TH): a step is an error at once.
+/// Maximum amplitude as a fraction of SAFE_ERR_XY or SAFE_ERR_TH: a step is an immediate tracking error.
 constexpr float error_share = 0.5f;
 static_assert(OMNI_EXCITATION_MAX_TICKS * (OMNI_TICK_US / 1000) >= 120000, "Excitations::max_s");
 
@@ -29,7 +29,8 @@ OMNI_COLD omni_excitation_t plan_of(const Excitations::Wanted &wanted) {
     plan.ticks = static_cast<uint32_t>(std::lround(wanted.duration_s / tick_s));
     plan.amplitude = wanted.amplitude;
     plan.step_rad = 2.0f * OMNI_PI_F * tick_s * wanted.from_hz;
-    plan.rise_rad = 2.0f * OMNI_PI_F * tick_s * (wanted.to_hz - wanted.from_hz) / static_cast<float>(plan.ticks);
+    plan.phase_acceleration_rad =
+        2.0f * OMNI_PI_F * tick_s * (wanted.to_hz - wanted.from_hz) / static_cast<float>(plan.ticks);
     return plan;
 }
 
@@ -40,14 +41,14 @@ OMNI_COLD uint8_t Excitations::refuse(const char *why) {
     return MAV_RESULT_DENIED;
 }
 
-/// @return nullptr, or what is wrong. A NaN is in no range.
+/// @return nullptr, or the reason for refusal. NaN is out of range.
 OMNI_COLD const char *Excitations::check_numbers(const Wanted &wanted) const {
-    if (!is_whole(wanted.place, 1.0f, OMNI_EXCITATION_COUNT - 1)) {
+    if (!is_integer_within(wanted.place, 1.0f, OMNI_EXCITATION_COUNT - 1)) {
         return "no such place";
     }
     const auto wheels = static_cast<float>(parameters_.config().kinematics.wheels);
     const bool pose = wanted.place == static_cast<float>(OMNI_EXCITATION_POSE);
-    if (!is_whole(wanted.index, 0.0f, pose ? static_cast<float>(OMNI_AXES - 1) : wheels)) {
+    if (!is_integer_within(wanted.index, 0.0f, pose ? static_cast<float>(OMNI_AXES - 1) : wheels)) {
         return "no such wheel or axis";
     }
     if (!(wanted.duration_s >= tick_s && wanted.duration_s <= max_s)) {
@@ -82,11 +83,11 @@ OMNI_COLD const char *Excitations::check_state(uint8_t place) const {
     }
     switch (place) {
     case OMNI_EXCITATION_WHEEL:
-        return "needs velocity set-points";
+        return "needs velocity setpoints";
     case OMNI_EXCITATION_VOLTAGE:
         return "not with open-loop duties";
     default:
-        return "needs a held pose, or pose set-points";
+        return "needs a held pose, or pose setpoints";
     }
 }
 
@@ -98,7 +99,7 @@ OMNI_COLD uint8_t Excitations::start(const Wanted &wanted) {
     const char *why = check_numbers(wanted);
     why = why != nullptr ? why : check_amplitude(wanted);
     if (why == nullptr && robot_.state() != OMNI_STATE_ARMED && robot_.arming() && !robot_.stopping()) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // armed in a moment: no report tells yet which set-point is in force
+        return MAV_RESULT_TEMPORARILY_REJECTED; // arming is pending: the setpoint in use is not in a report yet
     }
     why = why != nullptr ? why : check_state(static_cast<uint8_t>(wanted.place));
     if (why != nullptr) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file excitations.h  MAV_CMD_OMNI_EXCITE: checks what an experiment wants added to the loop, and hands it to the
-/// tick. A prepared burst begins with it.
+/// @file excitations.h  MAV_CMD_OMNI_EXCITE: validates an excitation signal and passes it to the tick. A prepared burst
+/// starts with it.
 #pragma once
 
 #include "app/services/parameters.h"
@@ -13,7 +13,7 @@ public:
     static constexpr float max_s = 120.0f;
     static constexpr float max_hz = 400.0f;
 
-    /// What the command's parameters say.
+    /// Parameters of the command.
     struct Wanted {
         float place = 0.0f;
         float index = 0.0f;

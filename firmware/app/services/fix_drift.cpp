@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/fix_drift.h"
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
 
 constexpr uint64_t window_us = 2'000'000;
-constexpr uint64_t longest_gap_us = 500'000; ///< without a fix for longer, a window begins anew
-constexpr uint8_t windows = 2;               ///< in a row: one may hold a jump, because the tracker was set anew
-constexpr float most_m_s = 0.05f;            ///< apart, of a robot that stands
-constexpr float most_rad_s = 0.03f;          ///< the same of its heading
-constexpr float most_share = 0.3f;           ///< of the way by the wheels: slip, wheel radii, a tracker's scale
+constexpr uint64_t longest_gap_us = 500'000; ///< maximum gap between fixes within a window
+constexpr uint8_t windows = 2;               ///< consecutive windows: one may contain a jump by a reconfigured tracker
+constexpr float most_m_s = 0.05f;            ///< maximum difference for a robot at rest
+constexpr float most_rad_s = 0.03f;          ///< maximum drift rate of the heading
+constexpr float most_share = 0.3f;           ///< of the wheels' distance: slip, wheel radii, scale of the tracker
 
 } // namespace
 

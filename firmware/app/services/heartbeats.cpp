@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/heartbeats.h"
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
 namespace {
 
-/// The station in command hears of a sender that is refused at most once in this time.
+/// Minimum interval of reports of refused senders to the station in command.
 constexpr uint64_t told_interval_us = 5'000'000;
 
 OMNI_COLD Text &add_station(Text &text, const Sender &sender) {
@@ -21,13 +21,13 @@ OMNI_COLD Text &add_station(Text &text, const Sender &sender) {
 
 } // namespace
 
-bool Heartbeats::is_of_station(const Frame &frame) {
+bool Heartbeats::is_ground_station(const Frame &frame) {
     const auto message = frame.as<mavlink_heartbeat_t>();
     return message.type == MAV_TYPE_GCS && message.autopilot == MAV_AUTOPILOT_INVALID;
 }
 
-void Heartbeats::heard(const Sender &sender) {
-    stations.hear(sender, clock_.now_us);
+void Heartbeats::record(const Sender &sender) {
+    stations.record_heartbeat(sender, clock_.now_us);
     if (stations.counts(sender)) {
         control_.set_heartbeat(stations.heard_us(sender));
     }
@@ -46,7 +46,7 @@ OMNI_COLD void Heartbeats::refuse_motion(const Sender &sender, bool streamed) {
     Text text;
     add_station(text.add("refused:"), holder).add(" commands");
     if (streamed) {
-        texts_.refuse_streamed(refused_us_, text);
+        texts_.refuse_rate_limited(refused_us_, text);
     } else {
         texts_.refuse(MAV_SEVERITY_WARNING, text);
     }
@@ -54,12 +54,12 @@ OMNI_COLD void Heartbeats::refuse_motion(const Sender &sender, bool streamed) {
     if (!quiet) {
         told_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
         Text other;
-        texts_.say_on(holder.link, MAV_SEVERITY_WARNING, add_station(other.add("not followed:"), sender));
+        texts_.send_to(holder.link, MAV_SEVERITY_WARNING, add_station(other.add("not followed:"), sender));
     }
 }
 
-/// After a stop, which waits for nothing.
-OMNI_COLD void Heartbeats::tell_who(const char *did, const Sender &sender) {
+/// Called after the stop has been executed.
+OMNI_COLD void Heartbeats::notify_displaced_station(const char *did, const Sender &sender) {
     if (robot_.armed() && !stations.counts(sender)) {
         Text text;
         texts_.say(MAV_SEVERITY_NOTICE, add_station(text.add(did).add(" by"), sender));
@@ -67,27 +67,27 @@ OMNI_COLD void Heartbeats::tell_who(const char *did, const Sender &sender) {
 }
 
 void Heartbeats::armed_by(const Sender &sender) {
-    tell_who("taken over", sender); // an arm command of another station has been accepted just now
-    stations.begin_drive(sender);
+    notify_displaced_station("taken over", sender); // an arm command of another station has been accepted just now
+    stations.start_drive(sender);
     stations.take_command(sender, clock_.now_us);
-    heard(sender);
+    record(sender);
 }
 
 void Heartbeats::streamed(const Sender &sender) {
     if (robot_.state() == OMNI_STATE_ARMED) {
-        stations.drove(sender, clock_.now_us);
+        stations.record_drive(sender, clock_.now_us);
     }
     take_over(sender);
 }
 
 void Heartbeats::commanded(const Sender &sender) {
-    stations.begin_drive(sender);
+    stations.start_drive(sender);
     take_over(sender);
 }
 
 void Heartbeats::held(const Sender &sender) {
-    tell_who("held", sender);
-    stations.end_drives_but(sender);
+    notify_displaced_station("held", sender);
+    stations.end_other_drives(sender);
     if (can_take_command(sender)) {
         take_command(sender);
     }
@@ -104,7 +104,7 @@ void Heartbeats::take_command(const Sender &sender) {
 
 void Heartbeats::take_over(const Sender &sender) {
     if (can_take_command(sender)) {
-        tell_who("taken over", sender);
+        notify_displaced_station("taken over", sender);
         take_command(sender);
     }
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file heartbeats.h  Which station is in command, and which heartbeats keep the robot going: they are passed on to
-/// the tick.
+/// @file heartbeats.h  Passes the relevant heartbeats to the tick, and reports changes of the station in command.
 #pragma once
 
 #include <cstddef>
@@ -17,29 +16,29 @@ public:
     Heartbeats(Texts &texts, const RobotClock &clock, const RobotState &robot, ControlLoop &control)
         : texts_(texts), clock_(clock), robot_(robot), control_(control) {}
 
-    /// A HEARTBEAT came. Only those of ground stations count (MAV_TYPE_GCS): a camera, a companion computer or another
-    /// robot watches nothing.
-    static bool is_of_station(const Frame &frame);
-    /// A ground station gave a sign of life.
-    void heard(const Sender &sender);
-    /// An arm command was accepted: its sender is in command, and the command counts as a heartbeat.
+    /// Is this HEARTBEAT from a ground station (MAV_TYPE_GCS)? Those of cameras, companion computers and other robots
+    /// do not prevent the link-loss fault.
+    static bool is_ground_station(const Frame &frame);
+    /// Record a ground station's heartbeat.
+    void record(const Sender &sender);
+    /// Put the sender of an accepted arm command in command; the command counts as a heartbeat.
     void armed_by(const Sender &sender);
-    /// Whether set-points and motion commands of this sender count: the robot is not armed, or the sender has the
-    /// command, or its heartbeats come, so that it can take it. If not, both stations are told.
-    /// @param streamed a set-point: its sender is told once a second.
+    /// May this sender move the robot: it is not armed, or the sender is in command, or can take it because its
+    /// heartbeats are valid? If not, both stations get a STATUSTEXT.
+    /// @param streamed a setpoint: reported once a second.
     bool may_move(const Sender &sender, bool streamed = false);
-    /// A set-point was accepted: its sender is in command from now on if its heartbeats come, too.
+    /// Put the sender of an accepted setpoint in command, if its heartbeats are valid.
     void streamed(const Sender &sender);
-    /// Its set-points come, used or not: the latest is at most this old.
-    bool streams(const Sender &sender, uint64_t most_us) const {
-        return stations.streams(sender, clock_.now_us, most_us);
+    /// Is this sender streaming setpoints, accepted or not: is the latest at most this old?
+    bool is_streaming(const Sender &sender, uint64_t max_age_us) const {
+        return stations.is_streaming(sender, clock_.now_us, max_age_us);
     }
-    /// The same of an arm or start command; it begins a drive.
+    /// Put the sender of an accepted arm or start command in command; starts a drive.
     void commanded(const Sender &sender);
-    /// The same of a hold. It ends the drives of all others, and begins none.
+    /// Put the sender of a hold in command; ends the drives of all others, starts none.
     void held(const Sender &sender);
-    /// For the station whose drive another one ended. @param did "stopped", "held", "taken over"
-    void tell_who(const char *did, const Sender &sender);
+    /// Inform the station whose drive was ended by another. @param did "stopped", "held", "taken over"
+    void notify_displaced_station(const char *did, const Sender &sender);
 
     Stations stations;
 
@@ -53,8 +52,8 @@ private:
     const RobotClock &clock_;
     const RobotState &robot_;
     ControlLoop &control_;
-    uint64_t refused_us_[Board::max_ports] = {}; ///< per link, when a sender there was told that another one commands
-    uint64_t told_us_ = 0;                       ///< when the station in command was told of one
+    uint64_t refused_us_[Board::max_ports] = {}; ///< per link: last refusal of a sender that is not in command
+    uint64_t told_us_ = 0;                       ///< last report of such a refusal to the station in command
 };
 
 } // namespace omni

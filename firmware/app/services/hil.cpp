@@ -87,9 +87,9 @@ void Hil::take(const Frame &frame, TickSensors *sensors) {
     bus.answer(message.i2c_status, message.i2c_read);
 }
 
-/// The steps are those that every driver sends; the output enable decides whether they reach the motors.
-/// Voltages are in the wheel's direction already, duties in the motor's.
-void Hil::tell_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const {
+/// PWM steps as sent by every driver; the output enable decides whether they reach the motors. Voltages are in the
+/// wheel's direction, duties in the motor's.
+void Hil::report_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const {
     const bool on = out.drive && output_enable.level() == 1;
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
         const omni_bridge_counts_t bridge = omni_bridge_counts(out.duty[i], on);
@@ -117,7 +117,7 @@ void Hil::answer(const omni_outputs_t &out, Link &link) {
     message.state = out.state;
     message.phase = static_cast<uint8_t>(out.reference.phase);
     message.output_enable = output_enable.level();
-    tell_bridges(out, &message);
+    report_bridges(out, &message);
     message.i2c_length = bus.take(message.i2c);
     for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
         message.motor_pins[2 * i] = motor_pins.steps()[i].first;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file hil.h  Host-in-the-loop: sensors from OMNI_HIL_SENSORS, and an I2C bus and pins that go to OMNI_HIL_ACTUATORS.
+/// @file hil.h  Hardware-in-the-loop: sensors from OMNI_HIL_SENSORS; I2C bus and pins to OMNI_HIL_ACTUATORS.
 #pragma once
 
 #include <algorithm>
@@ -13,18 +13,18 @@
 
 namespace omni {
 
-/// Captures what the driver puts on the bus in a tick; how it went comes with the next tick's sensors.
+/// Captures the driver's I2C writes of a tick; their result arrives with the next tick's sensors.
 class HilBus final : public I2cBus {
 public:
     bool submit(const I2cTransaction *batch, size_t count) override;
     I2cStatus poll(uint8_t *read) override;
-    void recover() override {} ///< the world frees its bus by itself
+    void recover() override {} ///< the simulated bus recovers by itself
     I2cStats stats() override { return stats_; }
 
     void restart();
-    /// The world's verdict on the last tick's transactions. @param status bit 0: not acknowledged, bit 1: stuck.
+    /// Set the result of the last tick's transactions. @param status bit 0: not acknowledged, bit 1: stuck.
     void answer(uint8_t status, const uint8_t *read);
-    /// Move this tick's bytes out. @param out capacity of OMNI_HIL_ACTUATORS.i2c. @return their count.
+    /// Take this tick's bytes. @param out capacity of OMNI_HIL_ACTUATORS.i2c. @return their count.
     uint8_t take(uint8_t *out);
 
 private:
@@ -37,7 +37,7 @@ private:
     uint8_t read_[I2cTransaction::max_read] = {};
 };
 
-/// The driver's output enable. Whether the simulated robot has the pin is the world's business.
+/// Simulated output-enable pin. The simulated world knows whether it is wired.
 class HilOutputEnable final : public OutputEnable {
 public:
     bool wired() override { return true; }
@@ -50,7 +50,7 @@ private:
     uint8_t level_ = 0;
 };
 
-/// The motors' PWM pins. Which of them the simulated robot has, and what is behind them, is the world's business.
+/// Simulated PWM pins. The simulated world knows which are wired, and to what.
 class HilMotorPins final : public MotorPins {
 public:
     bool serves_driver(uint8_t) override { return true; }
@@ -63,7 +63,7 @@ private:
     MotorPinSteps steps_[OMNI_MAX_WHEELS];
 };
 
-/// One host in the loop.
+/// Connection to one simulated world.
 class Hil {
 public:
     HilBus bus;
@@ -72,19 +72,19 @@ public:
     MotorWires wires{bus, output_enable, &motor_pins};
 
     void restart();
-    /// Take the sensors of one tick. A time that does not advance is the control core's to judge.
+    /// Decode the sensors of one tick. The core checks that time advances.
     void take(const Frame &frame, TickSensors *sensors);
-    /// Answer the tick just run, as the last frame on the host's link.
+    /// Send the actuators of the tick just run, as the last frame on the link.
     void answer(const omni_outputs_t &out, Link &link);
-    /// Sensors have come since the restart.
-    bool heard() const { return heard_; }
-    /// The simulated robot's stop button, of the latest sensors.
+    /// Have sensors been received since the restart?
+    bool has_sensors() const { return heard_; }
+    /// Stop button in the latest sensors.
     bool button_open() const { return button_open_; }
-    /// The host waits for the answer to these sensors asleep.
+    /// The host sleeps while it waits for the answer (flag of the latest sensors).
     bool host_sleeps() const { return host_sleeps_; }
 
 private:
-    void tell_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const;
+    void report_bridges(const omni_outputs_t &out, mavlink_omni_hil_actuators_t *message) const;
 
     bool heard_ = false;
     bool button_open_ = false;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file hil_switch.h  Enters and leaves host-in-the-loop; the application is one.
+/// @file hil_switch.h  Interface to enter and leave hardware-in-the-loop; implemented by the application.
 #pragma once
 
 #include <cstddef>
@@ -11,7 +11,7 @@ class HilSwitch {
 public:
     /// @return MAV_RESULT
     virtual uint8_t switch_hil(bool enable, size_t link) = 0;
-    /// Host-in-the-loop without a sensor message yet.
+    /// Hardware-in-the-loop, but no sensor message received yet.
     virtual bool hil_silent() const = 0;
 
 protected:

@@ -3,12 +3,12 @@
 
 #include <cstring>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
 
-/// The hub's component (host/omniwheel/hub): it ends the trial of a program that has gone.
+/// The hub's component (host/omniwheel/hub): it ends the trial of a disconnected client.
 constexpr uint8_t hub_component = MAV_COMP_ID_UART_BRIDGE;
 
 } // namespace
@@ -70,7 +70,7 @@ void ParameterTrial::serve() {
         return;
     }
     on_ = over_ = false;
-    if (parameters_.take_back(before_)) {
+    if (parameters_.restore(before_)) {
         texts_.say(MAV_SEVERITY_NOTICE, Text().add("trial ended: parameters are as before"));
     }
 }

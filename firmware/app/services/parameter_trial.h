@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file parameter_trial.h  Parameters on trial: the robot takes them back by itself if whoever tries them has gone.
+/// @file parameter_trial.h  Parameters on trial: restored automatically if the client disconnects.
 #pragma once
 
 #include "app/link/links.h"
@@ -8,9 +8,9 @@
 
 namespace omni {
 
-/// A program that tries parameters begins a trial first. The robot remembers what is in use then. If that connection is
-/// closed, or its ground station falls silent for SAFE_LINK_TO, these values come back, as soon as the motors are off.
-/// Nothing of this is stored: a restart brings the stored parameters anyway.
+/// A client that tries parameters starts a trial first, and the robot saves the current values. If the connection is
+/// closed, or the client's heartbeats time out (SAFE_LINK_TO), these values are restored as soon as the motors are off.
+/// Not stored: a restart loads the stored parameters anyway.
 class ParameterTrial {
 public:
     ParameterTrial(const Board &board, Texts &texts, const RobotClock &clock, RobotState &robot,
@@ -18,8 +18,8 @@ public:
         : board_(board), texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), parameters_(parameters) {
     }
 
-    /// MAV_CMD_OMNI_TRIAL. @param action 0 end, keep what is in use; 1 begin; 2 end, back to what was in use; 3 does it
-    /// go on? Only the station that began a trial can end it, and a hub on its link. @return MAV_RESULT
+    /// MAV_CMD_OMNI_TRIAL. @param action 0: end, keep the values; 1: start; 2: end, restore the values; 3: query. Only
+    /// the station that started a trial, or a hub on its link, can end it. @return MAV_RESULT
     uint8_t command(float action, const Sender &sender);
     /// Once per pass of the background.
     void serve();
@@ -38,10 +38,10 @@ private:
     const Heartbeats &heartbeats_;
     Parameters &parameters_;
     omni_real_t before_[OMNI_PARAM_COUNT] = {};
-    Sender station_; ///< that began it
+    Sender station_; ///< client of the trial
     uint32_t session_ = 0;
     bool on_ = false;
-    bool over_ = false; ///< the values from before come back as soon as the motors are off
+    bool over_ = false; ///< restore the values as soon as the motors are off
 };
 
 } // namespace omni

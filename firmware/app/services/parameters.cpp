@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
@@ -23,7 +23,7 @@ const char *problem_at_boot(StoreResult result) {
 constexpr const char *damaged = "stored parameters are damaged: not used";
 constexpr const char *one_damaged = "a stored parameter set is damaged: the other used";
 
-/// A value of the robot's own may be no number: it is then the same as itself.
+/// Equality that also holds for two NaNs: a value of the robot file may be NaN.
 bool values_differ(omni_real_t a, omni_real_t b) {
     return a != b && !(std::isnan(a) && std::isnan(b));
 }
@@ -52,14 +52,15 @@ bool Parameters::fits(const omni_real_t *values, int32_t *bad_index) {
     return make_robot_setup(control_.setups.scratch(), values, bad_index) == OMNI_OK;
 }
 
-/// Values that are each in range need not fit together. Leave out those that are blamed. If the blame falls on the
-/// robot's own values or on none, add the stored ones one after another, as far as they fit.
-OMNI_COLD void Parameters::leave_out_what_clashes(omni_real_t *values) {
+/// Values within their ranges may be inconsistent. Remove the stored values that are reported as invalid. If the
+/// reported one is of the robot file, or none is reported, add the stored values one by one as long as they are
+/// consistent.
+OMNI_COLD void Parameters::remove_inconsistent_values(omni_real_t *values) {
     const omni_real_t *own = board_.robot_values;
     int32_t bad = -1;
     bool whole = fits(values, &bad);
     while (!whole && bad >= 0 && values_differ(values[bad], own[bad])) {
-        misfits_.add(bad, values[bad]);
+        rejected_params_.add(bad, values[bad]);
         values[bad] = own[bad];
         whole = fits(values, &bad);
     }
@@ -72,30 +73,30 @@ OMNI_COLD void Parameters::leave_out_what_clashes(omni_real_t *values) {
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
         values[i] = stored[i];
         if (values_differ(stored[i], own[i]) && !fits(values, &bad)) {
-            misfits_.add(i, stored[i]);
+            rejected_params_.add(i, stored[i]);
             values[i] = own[i];
         }
     }
 }
 
-/// Work with what is stored.
-/// @return ok, or why nothing of it is used; `failed`: the robot's own values do not fit together.
+/// Apply the stored values.
+/// @return ok, or why none of them is used; `failed`: the robot file's values are inconsistent.
 StoreResult Parameters::adopt_stored() {
     omni_real_t values[OMNI_PARAM_COUNT];
     std::memcpy(values, board_.robot_values, sizeof values);
     const StoreResult result = store_.load(values);
-    misfits_ = store_.misfits();
+    rejected_params_ = store_.rejected_params();
     if (result != StoreResult::ok) {
         return result;
     }
-    leave_out_what_clashes(values);
-    keep_system(values);
+    remove_inconsistent_values(values);
+    keep_system_id(values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     if (!adopt(values, &bad, &why)) {
         return StoreResult::failed;
     }
-    robot_.set_misfit(nullptr);
+    robot_.set_unusable_value(nullptr);
     return StoreResult::ok;
 }
 
@@ -107,10 +108,10 @@ OMNI_COLD void Parameters::boot() {
     if (boot_result_ == StoreResult::ok || adopt(board_.robot_values, &bad, &why)) {
         return;
     }
-    // A board hands over checked values. If it did not, the links work, and nothing drives.
-    robot_.set_misfit(bad >= 0 ? omni_param_table[bad].name : "WHEELS, W*_ANGLE");
+    // The board's values are checked at build time. If they are invalid anyway, the links work, but arming is refused.
+    robot_.set_unusable_value(bad >= 0 ? omni_param_table[bad].name : "WHEELS, W*_ANGLE");
     omni_real_t values[OMNI_PARAM_COUNT];
-    fallback_values(values);
+    fallback_parameters(values);
     adopt(values, &bad, &why);
 }
 
@@ -157,7 +158,7 @@ void Parameters::refuse(int32_t index, float value, omni_result_t why, int32_t b
     const omni_param_info_t &info = omni_param_table[index];
     text.add(" ").add(value).add(" refused: ");
     if (why == OMNI_ERR_LOCKED) {
-        text.add(robot_.way_out_of_armed());
+        text.add(robot_.disarm_hint());
     } else if (why == OMNI_ERR_NOT_FINITE) {
         text.add("not a number");
     } else if (blamed == index && (value < info.minimum || value > info.maximum)) {
@@ -205,16 +206,16 @@ OMNI_COLD void Parameters::on_set(const Frame &frame, const Sender &sender) {
     }
 }
 
-/// Another robot on the line may have the number that is stored, or the robot's own: the two would be driven as one.
-void Parameters::keep_system(omni_real_t *values) const {
+/// Keep SYS_ID: another robot on the link may have the stored one or the robot file's, and both would be driven.
+void Parameters::keep_system_id(omni_real_t *values) const {
     const omni_real_t now = values_[OMNI_PARAM_SYS_ID];
     values[OMNI_PARAM_SYS_ID] = now > 0.0f ? now : values[OMNI_PARAM_SYS_ID]; // before boot there is none
 }
 
-OMNI_COLD bool Parameters::adopt_or_say(const omni_real_t *wanted) {
+OMNI_COLD bool Parameters::adopt_or_report(const omni_real_t *wanted) {
     omni_real_t values[OMNI_PARAM_COUNT];
     std::memcpy(values, wanted, sizeof values);
-    keep_system(values);
+    keep_system_id(values);
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
     if (adopt(values, &bad, &why)) {
@@ -225,10 +226,10 @@ OMNI_COLD bool Parameters::adopt_or_say(const omni_real_t *wanted) {
     return false;
 }
 
-OMNI_COLD bool Parameters::take_back(const omni_real_t *values) {
+OMNI_COLD bool Parameters::restore(const omni_real_t *values) {
     omni_real_t left[OMNI_PARAM_COUNT];
     std::memcpy(left, values_, sizeof left);
-    if (!adopt_or_say(values)) {
+    if (!adopt_or_report(values)) {
         return false;
     }
     for (int32_t index = 0; index < OMNI_PARAM_COUNT; ++index) {
@@ -239,26 +240,31 @@ OMNI_COLD bool Parameters::take_back(const omni_real_t *values) {
     return true;
 }
 
-void Parameters::say_misfits() {
-    const uint32_t kept = Misfits::kept;
-    for (uint32_t i = 0; i < misfits_.refused && i < kept; ++i) {
-        const auto &misfit = misfits_.first[i];
-        texts_.say(
-            MAV_SEVERITY_WARNING,
-            Text().add("stored ").add(omni_param_table[misfit.index].name).add(" ").add(misfit.value).add(" left out"));
+void Parameters::report_rejected_params() {
+    const uint32_t kept = RejectedParams::kept;
+    for (uint32_t i = 0; i < rejected_params_.refused && i < kept; ++i) {
+        const auto &unusable_value = rejected_params_.first[i];
+        texts_.say(MAV_SEVERITY_WARNING, Text()
+                                             .add("stored ")
+                                             .add(omni_param_table[unusable_value.index].name)
+                                             .add(" ")
+                                             .add(unusable_value.value)
+                                             .add(" left out"));
     }
-    if (misfits_.refused > kept) {
-        texts_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.refused - kept).add(" more stored values left out"));
+    if (rejected_params_.refused > kept) {
+        texts_.say(MAV_SEVERITY_WARNING,
+                   Text().add(rejected_params_.refused - kept).add(" more stored values left out"));
     }
-    if (misfits_.unknown > 0) {
-        texts_.say(MAV_SEVERITY_WARNING, Text().add(misfits_.unknown).add(" stored values left out: unknown here"));
+    if (rejected_params_.unknown > 0) {
+        texts_.say(MAV_SEVERITY_WARNING,
+                   Text().add(rejected_params_.unknown).add(" stored values left out: unknown here"));
     }
 }
 
 OMNI_COLD uint8_t Parameters::load() {
     const StoreResult result = adopt_stored();
     if (result == StoreResult::ok) {
-        say_misfits();
+        report_rejected_params();
         if (store_.damaged_slot()) {
             texts_.say(MAV_SEVERITY_ERROR, Text().add(one_damaged));
         }
@@ -270,7 +276,7 @@ OMNI_COLD uint8_t Parameters::load() {
     }
     if (result == StoreResult::empty) {
         texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
-        return adopt_or_say(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+        return adopt_or_report(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
     }
     texts_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
     return MAV_RESULT_FAILED;
@@ -299,19 +305,19 @@ uint8_t Parameters::storage_command(float action) {
         return save();
     }
     if (action == 2.0f) {
-        return adopt_or_say(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
+        return adopt_or_report(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
     }
     return MAV_RESULT_UNSUPPORTED;
 }
 
-void Parameters::say_boot_problems() {
-    if (robot_.misfit() != nullptr) {
-        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("own values do not fit: ").add(robot_.misfit()));
+void Parameters::report_boot_problems() {
+    if (robot_.unusable_value() != nullptr) {
+        texts_.say(MAV_SEVERITY_CRITICAL, Text().add("own values do not fit: ").add(robot_.unusable_value()));
     }
     if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
     } else {
-        say_misfits();
+        report_rejected_params();
     }
     if (boot_damaged_) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add(boot_result_ == StoreResult::ok ? one_damaged : damaged));
@@ -328,7 +334,7 @@ void Parameters::serve() {
     }
     if (!boot_said_ && links_.cable_connected()) {
         boot_said_ = true;
-        say_boot_problems();
+        report_boot_problems();
     }
 }
 

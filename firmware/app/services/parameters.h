@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file parameters.h  The working parameter set and MAVLink's parameter protocol. Every parameter travels as REAL32.
+/// @file parameters.h  Active parameter set and MAVLink's parameter protocol. All parameters are sent as REAL32.
 ///
-/// SYS_ID changes by a PARAM_SET of it alone, and at a restart, if another one is stored. What replaces many values at
-/// once leaves it: loading, going back to the robot's own values, the end of a trial.
+/// SYS_ID is changed only by its own PARAM_SET, and by a restart if another one is stored. Operations on many values
+/// (load, reset to the robot file's values, end of a trial) keep it.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,7 @@
 
 namespace omni {
 
-/// A change of configuration that other modules follow (link budgets, rates, system id).
+/// Listener for parameter changes (link budgets, rates, system id).
 class ParameterListener {
 public:
     virtual void parameters_changed() = 0;
@@ -28,37 +28,37 @@ public:
         : board_(board), links_(links), texts_(texts), robot_(robot), control_(control), listener_(listener),
           store_(*board.storage) {}
 
-    /// Robot's own values, then what is stored. A stored value that does not fit is left out: the robot's own is used,
-    /// and that is said once a link is there. If its own make no robot, it comes up with fallback_values() and does not
-    /// arm until a stored set that fits has been loaded.
+    /// Load the robot file's values, then the stored ones. An invalid stored value is replaced by the robot file's and
+    /// reported once a link is connected. If the robot file's values are invalid, fallback_parameters() are used and
+    /// arming is refused until a valid stored set has been loaded.
     void boot();
 
     void on_request_list(const Sender &sender);
-    /// Whoever asked on this link has gone.
+    /// Cancel the parameter list on this link after a disconnect.
     void stop_list(size_t link);
     void on_request_read(const Frame &frame, const Sender &sender);
     void on_set(const Frame &frame, const Sender &sender);
-    /// MAV_CMD_PREFLIGHT_STORAGE. @param action 0 load, 1 store, 2 back to the robot's own values (in use, not stored).
+    /// MAV_CMD_PREFLIGHT_STORAGE. @param action 0: load, 1: store, 2: reset to the robot file's values (not stored).
     /// @return MAV_RESULT
     uint8_t storage_command(float action);
-    /// Use these values again, which were in use before, and tell the links what changes. @return whether they fit
-    bool take_back(const omni_real_t *values);
-    /// Send what is left of the lists that were asked for, as far as the links take it.
+    /// Restore earlier values and send the changed ones to the links. @return false if they are not valid together
+    bool restore(const omni_real_t *values);
+    /// Send the remaining parameters of requested lists, as far as the links accept them.
     void serve();
 
     const omni_real_t *values() const { return values_; }
-    /// Configuration of the working set, for the background's own use.
+    /// Configuration derived from the active set, for the background.
     const omni_robot_config_t &config() const { return config_; }
 
 private:
-    void say_boot_problems();
+    void report_boot_problems();
     bool adopt(const omni_real_t *values, int32_t *bad_index, omni_result_t *why);
-    bool adopt_or_say(const omni_real_t *wanted);
-    void keep_system(omni_real_t *values) const;
+    bool adopt_or_report(const omni_real_t *wanted);
+    void keep_system_id(omni_real_t *values) const;
     bool fits(const omni_real_t *values, int32_t *bad_index);
-    void leave_out_what_clashes(omni_real_t *values);
+    void remove_inconsistent_values(omni_real_t *values);
     StoreResult adopt_stored();
-    void say_misfits();
+    void report_rejected_params();
     uint8_t load();
     uint8_t save();
     void refuse(int32_t index, float value, omni_result_t why, int32_t blamed);
@@ -76,7 +76,7 @@ private:
     omni_robot_config_t config_{};
     uint16_t sequence_ = 0;
     int32_t list_next_[Board::max_ports] = {OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT};
-    Misfits misfits_{}; ///< what was left out of the stored set that was loaded last
+    RejectedParams rejected_params_{}; ///< values rejected in the last load
     StoreResult boot_result_ = StoreResult::empty;
     bool boot_damaged_ = false; ///< a stored set cannot be read
     bool boot_said_ = false;

@@ -3,8 +3,8 @@
 
 #include <algorithm>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 #include "app/link/frames.h"
 
 namespace omni {
@@ -12,11 +12,12 @@ namespace {
 
 constexpr uint64_t oldest_us = 250'000;
 constexpr uint64_t ahead_us = 5'000;
-/// Further than this [m or rad] no sensor, however coarse, says the same pose twice.
+/// Motion [m or rad] after which even a coarse sensor cannot repeat a pose exactly.
 constexpr float frozen_travel = 0.005f;
-/// As far [m, rad] from the estimate, three exact zeros are no measurement.
+/// Distance [m, rad] from the estimate beyond which three exact zeros are not a measurement.
 constexpr float most_zero_offset = 0.02f;
-/// A fix whose x and y may be off by more [m] tells nothing, but it would count as one: `pose stale` would not show.
+/// A fix with a larger standard deviation of x and y [m] is dropped: it has no information, but would prevent `pose
+/// stale`.
 constexpr float most_sd_xy = 1.0f;
 
 /// Standard deviation from a variance; 0 (take the configured one) if the sender gave none. An infinite one is large.
@@ -25,14 +26,14 @@ float standard_deviation(float variance) {
     return variance > 0.0f ? omni_sqrtf(variance < most ? variance : most) : 0.0f;
 }
 
-/// Whether a quaternion is a rotation: of length 1, but for rounding. A lost tracker's zeros are none.
+/// Is a quaternion of unit length, within rounding? The zeros of a lost tracker are not.
 bool is_rotation(const float (&q)[4]) {
     constexpr float off = 0.01f;
     const float square = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
     return square > (1.0f - off) * (1.0f - off) && square < (1.0f + off) * (1.0f + off);
 }
 
-/// The time that these 32 bits stand for: the one nearest to now. They wrap every 49.7 days.
+/// Unwrap a 32-bit time stamp [ms] to the time nearest to now; it wraps every 49.7 days.
 uint64_t whole_time_us(uint32_t time_ms, uint64_t now_us) {
     const uint64_t now_ms = now_us / 1000;
     const auto ahead_ms = static_cast<int32_t>(time_ms - static_cast<uint32_t>(now_ms));
@@ -67,12 +68,12 @@ OMNI_COLD void PoseFixes::take_report() {
     drift_.take(report.outputs);
 }
 
-/// In place of the oldest if there is no room.
+/// Queue a fix; replaces the oldest if the queue is full.
 void PoseFixes::wait(const omni_pose_fix_t &fix) {
     if (count_ == most_waiting) {
         first_ = (first_ + 1) % most_waiting;
         --count_;
-        complain("too many at once");
+        warn("too many at once");
     }
     waiting_[(first_ + count_) % most_waiting] = fix;
     ++count_;
@@ -85,11 +86,11 @@ void PoseFixes::serve() {
     }
 }
 
-void PoseFixes::complain(const char *why) {
-    texts_.refuse_streamed(said_us_, Text().add("pose fix refused: ").add(why));
+void PoseFixes::warn(const char *why) {
+    texts_.refuse_rate_limited(said_us_, Text().add("pose fix refused: ").add(why));
 }
 
-/// How far the wheels have gone meanwhile, slip or not, is what the sensor cannot have missed.
+/// Integrate the wheels' distance since the last fix: a working sensor must have seen that motion.
 bool PoseFixes::frozen(const omni_pose_t &world) {
     const omni_twist_t &rate = robot_.latest().outputs.rate;
     const uint64_t elapsed_us = last_us_ != 0 && clock_.now_us > last_us_ ? clock_.now_us - last_us_ : 0;
@@ -101,10 +102,10 @@ bool PoseFixes::frozen(const omni_pose_t &world) {
     return travelled_ > frozen_travel;
 }
 
-/// A tracker that has lost its object sends zeros. A measurement is exactly zero in all three only if it has no noise,
-/// as in a simulation: it is then near the estimate and can be used. Far from it the zeros would become the pose, after
-/// some outliers, and a robot that holds would drive off.
-OMNI_COLD bool PoseFixes::zeros_of_lost(const omni_pose_t &world) const {
+/// A tracker that has lost its object sends exact zeros. A real measurement is exactly zero only without noise, as in a
+/// simulation, and then near the estimate. Far from the estimate such fixes would restart it, and a robot that holds
+/// its pose would drive away.
+OMNI_COLD bool PoseFixes::is_lost_tracker_zero(const omni_pose_t &world) const {
     const omni_pose_t &at = robot_.latest().outputs.pose;
     const bool zeros = world.x == 0.0f && world.y == 0.0f && world.theta == 0.0f;
     return zeros && !(omni_absf(at.x) <= most_zero_offset && omni_absf(at.y) <= most_zero_offset &&
@@ -121,19 +122,19 @@ void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, const float 
 /// @param sd_xy, sd_theta standard deviations [m, rad]; 0: not known.
 void PoseFixes::accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta) {
     if (!omni_pose_is_finite(&world)) {
-        complain("not finite");
+        warn("not finite");
         return;
     }
     if (sd_xy > most_sd_xy) {
-        complain("it may be off by metres");
+        warn("it may be off by metres");
         return;
     }
-    if (zeros_of_lost(world)) {
-        complain("zeros: is the tracker lost?");
+    if (is_lost_tracker_zero(world)) {
+        warn("zeros: is the tracker lost?");
         return;
     }
     if (frozen(world)) {
-        complain("it repeats itself");
+        warn("it repeats itself");
         return;
     }
     drift_.compare(world, robot_.armed());
@@ -155,7 +156,7 @@ void PoseFixes::on_mocap(const Frame &frame) {
     const auto message = frame.as<mavlink_att_pos_mocap_t>();
     const auto &q = message.q; // w, x, y, z
     if (!is_rotation(q)) {
-        complain("its quaternion is no rotation");
+        warn("its quaternion is no rotation");
         return;
     }
     const float yaw = omni_atan2f(2.0f * (q[0] * q[3] + q[1] * q[2]), 1.0f - 2.0f * (q[2] * q[2] + q[3] * q[3]));
@@ -168,7 +169,7 @@ void PoseFixes::on_compact(const Frame &frame) {
                               static_cast<float>(message.theta_mrad10) * 1e-4f};
     const uint64_t taken_us = message.time_boot_ms != 0 ? whole_time_us(message.time_boot_ms, clock_.now_us) : 0;
     if (taken_us != 0 && taken_us + oldest_us < clock_.now_us) {
-        complain("older than 0.25 s"); // its clock is the robot's: it was taken then, and for no later pose
+        warn("older than 0.25 s"); // it has the robot's clock, so its age is known
         return;
     }
     accept(pose, taken_us, static_cast<float>(message.sd_xy_mm10) * 1e-4f,

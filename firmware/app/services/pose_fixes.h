@@ -1,13 +1,12 @@
 // SPDX-License-Identifier: MIT
-/// @file pose_fixes.h  Poses measured outside the robot: VICON_POSITION_ESTIMATE, ATT_POS_MOCAP, OMNI_POSE_FIX.
+/// @file pose_fixes.h  Pose fixes from external sensors: VICON_POSITION_ESTIMATE, ATT_POS_MOCAP, OMNI_POSE_FIX.
 ///
-/// A time stamp within the last 0.25 s of the robot's clock is believed. In place of any other (Unix time, say)
-/// FIX_DELAY before now is taken. OMNI_POSE_FIX has the robot's clock and no other: an older one is not used. A sensor
-/// that has frozen repeats its fix digit by digit, although the wheels have moved the robot meanwhile. Such a fix is
-/// not used. Nor is one of exact zeros, unless the estimate is near them.
+/// A time stamp within the last 0.25 s of the robot's clock is used; any other (such as Unix time) is replaced by now -
+/// FIX_DELAY. OMNI_POSE_FIX must have the robot's clock: an older one is dropped. Also dropped: exact repetitions while
+/// the wheels move the robot (frozen tracker), and exact zeros unless the estimate is near them (lost tracker).
 ///
-/// The tick uses one per millisecond. Of a backlog, as a link delivers it after a pause, the newest `most_waiting` are
-/// kept. All others are dropped, which is said: what is older helps the estimate no more.
+/// The tick takes one per millisecond. Of a backlog after a pause of the link the newest `most_waiting` are kept;
+/// dropped ones are reported.
 #pragma once
 
 #include "app/services/fix_drift.h"
@@ -26,9 +25,9 @@ public:
     void on_mocap(const Frame &frame);
     void on_compact(const Frame &frame);
     void restart();
-    /// The tick has reported once more.
+    /// Process a new report of the tick.
     void take_report();
-    /// Pass on what waits. Once per pass, and once per tick.
+    /// Pass queued fixes to the tick. Once per pass and once per tick.
     void serve();
 
 private:
@@ -38,8 +37,8 @@ private:
     void accept(const omni_pose_t &world, uint64_t stamp_us, float sd_xy, float sd_theta);
     uint64_t time_of(uint64_t stamp_us) const;
     bool frozen(const omni_pose_t &world);
-    bool zeros_of_lost(const omni_pose_t &world) const;
-    void complain(const char *why);
+    bool is_lost_tracker_zero(const omni_pose_t &world) const;
+    void warn(const char *why);
 
     Texts &texts_;
     const RobotClock &clock_;
@@ -49,11 +48,11 @@ private:
     uint64_t said_us_[Board::max_ports] = {}; ///< per link
     omni_pose_t last_{};
     uint64_t last_us_ = 0;   ///< 0: no fix yet
-    float travelled_ = 0.0f; ///< by the wheels since `last_` came first [m or rad]
+    float travelled_ = 0.0f; ///< distance or turn by the wheels since the first arrival of `last_` [m or rad]
     omni_pose_fix_t waiting_[most_waiting] = {};
-    size_t first_ = 0; ///< the oldest that waits
+    size_t first_ = 0; ///< index of the oldest queued fix
     size_t count_ = 0;
-    uint32_t restarts_ = 0; ///< of the pose filter, that have been said
+    uint32_t restarts_ = 0; ///< restarts of the pose filter that have been reported
     FixDrift drift_;
 };
 

@@ -28,7 +28,7 @@ std::array<omni_real_t, 3> elements_of(const omni_twist_t &twist) {
     return {twist.vx, twist.vy, twist.wz};
 }
 
-/// What an array field of N elements holds, each converted to the field's type.
+/// Values of an array field of N elements, converted to the field's type.
 template <class To, size_t N, class From>
 std::array<To, N> array_of(const From &from) {
     const auto &values = elements_of(from);
@@ -53,8 +53,7 @@ uint8_t system_status(uint8_t state) {
     }
 }
 
-/// OMNI_MODE. A disarmed robot tells which set-points it would follow if it were armed: a station that has begun to
-/// send them sees that they arrive.
+/// OMNI_MODE. While disarmed: the mode of the setpoints being received, so that a station sees that they arrive.
 uint8_t shown_mode(const ReportSources &sources) {
     const omni_outputs_t &out = sources.robot.latest().outputs;
     return mode_of(out.state == OMNI_STATE_DISARMED ? sources.robot.streamed_kind() : out.setpoint_kind);
@@ -68,10 +67,10 @@ uint16_t in_millivolts(float volts) {
     return volts > 0.0f ? static_cast<uint16_t>(std::min(volts * 1000.0f + 0.5f, 65534.0f)) : UINT16_MAX;
 }
 
-/// What the motors take from the supply [0.01 A], by the estimate of their currents; braking motors give. -1: unknown.
+/// Supply current [0.01 A] from the estimated motor currents; regenerative braking is negative. -1: unknown.
 int16_t supply_current(const ReportSources &sources) {
     const omni_outputs_t &out = sources.robot.latest().outputs;
-    if (!sources.parameters.config().current.watched || !(out.supply_V > 0.0f)) {
+    if (!sources.parameters.config().current.enabled || !(out.supply_V > 0.0f)) {
         return -1;
     }
     float watts = 0.0f;
@@ -136,13 +135,13 @@ std::array<uint16_t, Board::max_ports> of_each_link(const ReportSources &sources
     return counts;
 }
 
-/// 0 where a standard deviation is 0 or beyond all numbers.
+/// 0 if a standard deviation is 0 or not finite.
 float correlation_of_xy(const omni_outputs_t &out) {
     const float ratio = out.pose_xy_m2 / (out.pose_sd[0] * out.pose_sd[1]);
     return omni_is_finite(ratio) ? omni_clampf(ratio, -1.0f, 1.0f) : 0.0f;
 }
 
-/// Never 0, which says that a robot does not tell: a fix that was used in this very tick is 1 us old.
+/// Never 0, which means "not supported": a fix used in this tick has an age of 1 us.
 float fix_age_s(const TickReport &latest) {
     constexpr uint64_t most_us = UINT32_MAX;
     if (latest.fix_us == 0) {

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file reports.h  Fills the messages about the robot from the latest tick. Standard messages in NED/FRD (frames.h).
+/// @file reports.h  Telemetry messages from the latest tick. Standard messages in NED/FRD (frames.h).
 ///
-/// Which messages there are, and what each field holds, stands in shared/link/telemetry.toml. The build writes the
-/// functions from it; what they call beyond the members of `ReportSources` stands in reports.cpp.
+/// Messages and fields are defined in shared/link/telemetry.toml, from which the functions are generated. Helper
+/// functions used there are in reports.cpp.
 #pragma once
 
 #include "app/base/robot_clock.h"
@@ -15,7 +15,7 @@
 
 namespace omni {
 
-/// What the messages tell of. To be looked at only.
+/// Data sources of the messages, read only.
 struct ReportSources {
     const Board &board;
     const RobotClock &clock;
@@ -26,16 +26,17 @@ struct ReportSources {
     const Parameters &parameters;
 };
 
-/// Fills a message and sends it. @return false if it was dropped. @param asked true: REQUEST_MESSAGE, false: streamed.
+/// Fills a message and sends it. @return false if it was dropped. @param asked true: by REQUEST_MESSAGE, false:
+/// streamed.
 using ReportFunction = bool (*)(const ReportSources &sources, Link &link, Priority priority, bool asked);
 
-/// What decides how often a message comes by itself.
+/// Rate group of a streamed message.
 enum class Group : uint8_t {
     always, ///< once a second
     state,  ///< SRn_STATE
     wheels, ///< SRn_WHEELS
     status, ///< SRn_STATUS
-    asked,  ///< only if asked for by name
+    asked,  ///< only on request
 };
 constexpr Group groups[] = {Group::always, Group::state, Group::wheels, Group::status, Group::asked};
 
@@ -45,7 +46,7 @@ struct Stream {
     ReportFunction report;
 };
 
-/// In order of importance: under a tight budget the first ones get it.
+/// In order of priority under a limited budget.
 extern const Stream streams[telemetry_stream_count];
 
 /// AUTOPILOT_VERSION, on request only. @return false if it was dropped.

@@ -4,8 +4,8 @@
 namespace omni {
 namespace {
 
-/// A report may be waiting, and a tick may be under way that has taken its requests before. The third one has seen the
-/// command.
+/// Reports until a command is contained in one: one report may be pending, one tick may have processed its requests
+/// before; the third one contains it.
 constexpr uint8_t reports_until_known = 3;
 
 } // namespace
@@ -14,7 +14,7 @@ void RobotState::restart(bool stopped) {
     latest_ = TickReport{};
     fix_ = FixReport{};
     if (stopped) {
-        latest_.outputs.state = OMNI_STATE_ESTOP; // as the first tick will say
+        latest_.outputs.state = OMNI_STATE_ESTOP; // as the first tick will report
     }
     arming_ = 0;
     stopping_ = 0;
@@ -31,20 +31,20 @@ void RobotState::take(const TickReport &report) {
     }
 }
 
-void RobotState::show_refused_setpoint(bool refused) {
+void RobotState::set_setpoint_refused(bool refused) {
     latest_.outputs.faults &= ~static_cast<uint32_t>(OMNI_WARN_SETPOINT);
     latest_.outputs.faults |= refused ? static_cast<uint32_t>(OMNI_WARN_SETPOINT) : 0u;
 }
 
-void RobotState::expect_arming() {
+void RobotState::set_arming_pending() {
     arming_ = reports_until_known;
 }
 
-void RobotState::expect_release() {
+void RobotState::set_release_pending() {
     releasing_ = reports_until_known;
 }
 
-void RobotState::expect_stop() {
+void RobotState::set_stop_pending() {
     arming_ = 0;
     releasing_ = 0;
     stopping_ = reports_until_known;

@@ -15,7 +15,7 @@ uint8_t ScanService::start(const Sender &sender) {
     }
     sender_ = sender;
     if (running_) {
-        return MAV_RESULT_ACCEPTED; // a repeated command: one result for both
+        return MAV_RESULT_ACCEPTED; // retransmission: one result for both
     }
     Request request;
     request.kind = Request::Kind::i2c_scan;
@@ -40,7 +40,7 @@ void ScanService::serve() {
 void ScanService::restart() {
     if (running_) {
         running_ = false;
-        texts_.say_on(sender_.link, MAV_SEVERITY_WARNING, Text().add("I2C scan cancelled: host-in-the-loop switched"));
+        texts_.send_to(sender_.link, MAV_SEVERITY_WARNING, Text().add("I2C scan cancelled: HIL switched"));
     }
 }
 

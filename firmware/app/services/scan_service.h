@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file scan_service.h  MAV_CMD_OMNI_I2C_SCAN: who answers on the bus. Answered at once, and with OMNI_I2C_SCAN when
-/// it is over.
+/// @file scan_service.h  MAV_CMD_OMNI_I2C_SCAN: lists the devices on the bus. Acknowledged at once; OMNI_I2C_SCAN
+/// follows at the end.
 #pragma once
 
 #include "app/services/hil_switch.h"
@@ -16,11 +16,11 @@ public:
 
     /// @return MAV_RESULT. Refused while armed.
     uint8_t start(const Sender &sender);
-    /// Asked for, and its result not sent yet.
+    /// A scan is running, or its result has not been sent.
     bool running() const { return running_; }
-    /// Send the result of a scan that has come to its end.
+    /// Send the result of a completed scan.
     void serve();
-    /// The control loop begins anew, on another bus: whoever waits for a scan is told that no result comes.
+    /// Abort the scan because the control loop restarts on another bus; the requester gets a text.
     void restart();
 
 private:

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/services.h"
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "app/link/mavlink_types.h"
 
 namespace omni {
@@ -10,7 +10,7 @@ namespace {
 void answer_timesync(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender) {
     auto message = frame.as<mavlink_timesync_t>();
     if (message.tc1 != 0) {
-        return; // an answer to somebody else
+        return; // an answer to another system
     }
     message.tc1 = static_cast<int64_t>(clock.now_us * 1000);
     links.reply(sender, MAVLINK_MSG_ID_TIMESYNC, message);
@@ -34,7 +34,7 @@ void answer_mission_list(Links &links, const Frame &frame, const Sender &sender)
     links.reply(sender, MAVLINK_MSG_ID_MISSION_COUNT, message);
 }
 
-/// There are no files: a NAK at once spares the asker a dozen retries.
+/// No file system: an immediate NAK saves the client a dozen retries.
 void refuse_file_transfer(Links &links, const Frame &frame, const Sender &sender) {
     constexpr uint8_t opcode_nak = 129;
     constexpr uint8_t error_file_not_found = 10;
@@ -60,7 +60,7 @@ void refuse_file_transfer(Links &links, const Frame &frame, const Sender &sender
     links.reply(sender, MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL, message);
 }
 
-/// Missions are not spoken. @param mission_type of the request: each list is a conversation of its own.
+/// Missions are not supported. @param mission_type of the request: each type is a separate transaction.
 void refuse_mission(Links &links, const Sender &sender, uint8_t mission_type) {
     mavlink_mission_ack_t message{};
     message.target_system = sender.system;
@@ -109,7 +109,7 @@ void refuse_missions(Links &links, const Frame &frame, const Sender &sender) {
     }
 }
 
-/// What a station asks of this very robot. To everybody nobody says no: a fleet would answer in chorus.
+/// Requests addressed to this robot. Broadcasts are not refused: all robots on a shared radio would respond at once.
 void refuse_politely(Links &links, const Frame &frame, const Sender &sender) {
     if (frame.id == MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL) {
         refuse_file_transfer(links, frame, sender);

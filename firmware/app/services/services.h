@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file services.h  Small protocol services that ground stations expect of everybody: time sync, ping, no missions, no
-/// files.
+/// @file services.h  Minimal MAVLink services that ground stations expect: time sync, ping, empty mission list, no FTP.
 #pragma once
 
 #include "app/base/robot_clock.h"
@@ -8,7 +7,7 @@
 
 namespace omni {
 
-/// Answer a message if it is one of theirs.
+/// Answer a message of these services.
 void serve_small_protocols(Links &links, const RobotClock &clock, const Frame &frame, const Sender &sender);
 
 } // namespace omni

@@ -3,14 +3,14 @@
 
 #include <algorithm>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 #include "app/link/frames.h"
 
 namespace omni {
 namespace {
 
-/// A limit sent as the nearest float must pass.
+/// Tolerance for a limit sent as the nearest float.
 constexpr float rounding = 1.00001f;
 
 constexpr unsigned ignore_position = POSITION_TARGET_TYPEMASK_X_IGNORE | POSITION_TARGET_TYPEMASK_Y_IGNORE;
@@ -47,7 +47,7 @@ uint8_t Setpoints::streamed_kind() const {
 
 OMNI_COLD void Setpoints::refuse(const char *why) {
     refused_ = true;
-    texts_.refuse_streamed(said_us_, Text().add("set-point refused: ").add(why));
+    texts_.refuse_rate_limited(said_us_, Text().add("setpoint refused: ").add(why));
 }
 
 bool Setpoints::is_setpoint(const Frame &frame) {
@@ -57,7 +57,7 @@ bool Setpoints::is_setpoint(const Frame &frame) {
 
 OMNI_COLD void Setpoints::refuse_ended() {
     if (robot_.armed()) {
-        texts_.refuse_streamed(said_us_, Text().add("set-point refused: its drive has ended"));
+        texts_.refuse_rate_limited(said_us_, Text().add("setpoint refused: its drive has ended"));
     }
 }
 
@@ -81,7 +81,7 @@ const char *Setpoints::check_position(const omni_pose_t &pose) const {
     return omni_absf(pose.x) > limit || omni_absf(pose.y) > limit ? "position beyond LIM_POS" : nullptr;
 }
 
-/// @return nullptr, or why it is refused.
+/// @return nullptr, or the reason for refusal.
 const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t &message,
                                    omni_setpoint_t *setpoint) const {
     const unsigned mask = message.type_mask;
@@ -112,7 +112,7 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
 }
 
 /// The rate that ends a heading error in SAFE_CMD_TO, but not in less than half a second. So the robot does not turn
-/// too far before the next set-point comes, however seldom they come. Rate and result in NED. @param rate feed-forward
+/// too far before the next setpoint comes, however seldom they come. Rate and result in NED. @param rate feed-forward
 float Setpoints::turn_towards(float yaw, float rate) const {
     constexpr float quickest_s = 0.5f;
     const omni_limits_t &limits = parameters_.config().limits;
@@ -173,8 +173,8 @@ OMNI_COLD float Setpoints::reach(const omni_twist_t &twist) const {
     return std::min(by_limit, motor.voltage_limit_V / (motor.ff_speed_V_s * fastest));
 }
 
-/// Sticks as joystick tools send them: x forward, y right, r to the right (clockwise). A full stick asks for what the
-/// robot reaches in that direction, and for no more than LIM_V and LIM_W.
+/// Sticks as joystick tools send them: x forward, y right, r to the right (clockwise). Full deflection is the
+/// maximum speed in that direction, limited to LIM_V and LIM_W.
 void Setpoints::on_manual_control(const Frame &frame) {
     const auto message = frame.as<mavlink_manual_control_t>();
     const omni_limits_t &limits = parameters_.config().limits;
@@ -207,7 +207,7 @@ void Setpoints::on_legacy_line(const LegacySetpoint &line) {
     accept(setpoint);
 }
 
-/// Duties move wheels with no loop around them: whoever sends them has armed the robot before.
+/// Duties are open loop: accepted only while armed.
 void Setpoints::on_duty(const Frame &frame) {
     const auto message = frame.as<mavlink_omni_setpoint_duty_t>();
     omni_setpoint_t setpoint{};

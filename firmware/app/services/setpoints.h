@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: MIT
-/// @file setpoints.h  Streamed set-points from the link: SET_POSITION_TARGET_LOCAL_NED, MANUAL_CONTROL,
+/// @file setpoints.h  Streamed setpoints from the link: SET_POSITION_TARGET_LOCAL_NED, MANUAL_CONTROL,
 /// OMNI_SETPOINT_DUTY.
 ///
-/// One that is not finite, beyond the limits or not expressible is refused as a whole. The robot goes on with the last
-/// one until that is too old (SAFE_CMD_TO).
+/// A setpoint that is not finite, beyond the limits or not supported is refused as a whole. The last accepted one stays
+/// in use until its timeout (SAFE_CMD_TO).
 #pragma once
 
 #include "app/link/legacy_line.h"
@@ -19,17 +19,17 @@ public:
         : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters) {}
 
     static bool is_setpoint(const Frame &frame);
-    /// One of a drive that has ended: not used. It is said while the robot is armed, and not shown to others as a
-    /// refused set-point of theirs.
+    /// Refuse a setpoint of a drive that has ended. Reported while armed; does not set refused(), which is for the
+    /// station in command.
     void refuse_ended();
     void on_position_target(const Frame &frame);
     void on_manual_control(const Frame &frame);
     void on_duty(const Frame &frame);
-    /// A set-point line of the original robot (LINK2_LEGACY).
+    /// Setpoint line of the original robot (LINK2_LEGACY).
     void on_legacy_line(const LegacySetpoint &line);
-    /// The latest set-point was refused.
+    /// The latest setpoint was refused.
     bool refused() const { return refused_; }
-    /// omni_setpoint_kind_t of the latest accepted set-point, OMNI_SETPOINT_NONE once it is older than SAFE_CMD_TO.
+    /// omni_setpoint_kind_t of the latest accepted setpoint; OMNI_SETPOINT_NONE after SAFE_CMD_TO.
     uint8_t streamed_kind() const;
     void restart();
 

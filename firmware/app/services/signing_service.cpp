@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/signing_service.h"
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 #include <algorithm>
 
 namespace omni {
 namespace {
 
-/// The stored clock is at most this far behind while disarmed [10 us]: 50 s.
+/// Maximum lag of the stored clock while disarmed [10 us]: 50 s.
 constexpr uint64_t store_interval = 5'000'000;
 constexpr uint64_t retry_us = 60'000'000;
 constexpr uint64_t text_interval_us = 10'000'000;
@@ -18,7 +18,7 @@ void SigningService::boot() {
     signing_.boot();
 }
 
-void SigningService::say_key() {
+void SigningService::report_key() {
     if (signing_.required()) {
         texts_.say(MAV_SEVERITY_NOTICE, Text().add("signing key ").add_hex(signing_.fingerprint()).add(" set"));
     } else {
@@ -32,9 +32,9 @@ const char *SigningService::obstacle(const Sender &sender, uint64_t time) {
         return "set it over USB or a cable";
     }
     if (robot_.armed()) {
-        return robot_.way_out_of_armed();
+        return robot_.disarm_hint();
     }
-    return time > Signing::latest_time ? "its time is beyond 2103" : nullptr;
+    return time > Signing::max_time ? "its time is beyond 2103" : nullptr;
 }
 
 OMNI_COLD void SigningService::on_setup(const Frame &frame, const Sender &sender) {
@@ -47,14 +47,14 @@ OMNI_COLD void SigningService::on_setup(const Frame &frame, const Sender &sender
     const bool none = std::all_of(key, key + Signing::key_length, [](uint8_t byte) { return byte == 0; });
     const bool done = none ? signing_.remove_key() : signing_.set_key(key, message.initial_timestamp);
     if (done) {
-        say_key();
+        report_key();
     } else {
         texts_.refuse(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing key not changed"));
     }
 }
 
-/// Never while armed: writing may stop the processor for a while. What was stored for a drive is taken back after it.
-void SigningService::keep_time() {
+/// Never while armed: writing may halt the processor. The time stored ahead for a drive is replaced after it.
+void SigningService::store_time_if_due() {
     const bool armed = robot_.armed();
     const bool disarmed_now = was_armed_ && !armed;
     was_armed_ = armed;
@@ -70,7 +70,7 @@ void SigningService::keep_time() {
     }
 }
 
-void SigningService::say_refused() {
+void SigningService::report_refused() {
     const SigningCounts &counts = signing_.counts();
     const bool quiet = clock_.now_us >= said_us_ && clock_.now_us - said_us_ < text_interval_us && said_us_ != 0;
     const uint32_t others = counts.total() - counts.ahead;
@@ -97,8 +97,8 @@ void SigningService::say_refused() {
 
 void SigningService::serve() {
     signing_.advance(clock_.now_us);
-    keep_time();
-    say_refused();
+    store_time_if_due();
+    report_refused();
     if (!damage_said_ && signing_.state() == Signing::State::damaged && links_.cable_connected()) {
         damage_said_ = true;
         texts_.say(MAV_SEVERITY_CRITICAL, Text().add("signing key unreadable, radio closed: set it again"));

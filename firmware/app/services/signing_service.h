@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file signing_service.h  The signing key's way in (SETUP_SIGNING, over a cable only), keeping its clock, and saying
-/// what was refused.
+/// @file signing_service.h  SETUP_SIGNING (over a cable only), storage of the signing clock, and reports of rejected
+/// frames.
 #pragma once
 
 #include "app/services/robot_state.h"
@@ -12,19 +12,19 @@ public:
     SigningService(Signing &signing, const Links &links, Texts &texts, const RobotClock &clock, const RobotState &robot)
         : signing_(signing), links_(links), texts_(texts), clock_(clock), robot_(robot) {}
 
-    /// Key and clock from the memory. What is wrong with them is said once somebody listens.
+    /// Load key and clock. Errors are reported once a link is connected.
     void boot();
-    /// A key of zeros removes the key; any other brings the time, too. Refused from a radio and while armed.
+    /// SETUP_SIGNING: set key and time; a key of zeros removes the key. Refused from a radio and while armed.
     void on_setup(const Frame &frame, const Sender &sender);
-    /// Let the clock go on, store it, say what was refused.
+    /// Advance and store the clock, report rejected frames.
     void serve();
 
 private:
-    void say_key();
-    /// @return nullptr, or why a key is not taken.
+    void report_key();
+    /// Reason to refuse a key, or nullptr.
     const char *obstacle(const Sender &sender, uint64_t time);
-    void keep_time();
-    void say_refused();
+    void store_time_if_due();
+    void report_refused();
 
     Signing &signing_;
     const Links &links_;
@@ -32,7 +32,7 @@ private:
     const RobotClock &clock_;
     const RobotState &robot_;
     bool was_armed_ = false;
-    uint64_t tried_us_ = 0; ///< when the memory failed last; 0: it did not
+    uint64_t tried_us_ = 0; ///< last failure of the memory; 0: none
     bool damage_said_ = false;
     uint32_t said_others_ = 0;
     uint32_t said_ahead_ = 0;

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
@@ -16,14 +16,14 @@ float rounded_figure(float value) {
     return std::fabs(value) < 1e5f ? static_cast<float>(std::lround(value * 100.0f)) * 0.01f : value;
 }
 
-/// One byte, as data sheets write it.
+/// One byte in hexadecimal.
 Text &add_byte(Text &text, uint8_t byte) {
     const char *digits = "0123456789ABCDEF";
     const char written[] = {'0', 'x', digits[byte >> 4], digits[byte & 0xF], '\0'};
     return text.add(written);
 }
 
-/// Why there are no readings, and what to do.
+/// Cause and remedy of missing readings.
 Text gyro_text(const GyroTrouble &trouble) {
     Text text;
     text.add("gyro: ");
@@ -94,29 +94,28 @@ void StatusTexts::restart() {
     limited_said_us_ = 0;
     read_back_said_ = false;
     for (size_t link = 0; link < links_.count(); ++link) {
-        forget_sensors(link);
+        reset_sensor_reports(link);
     }
 }
 
 void StatusTexts::greet(size_t link) {
     button_said_[link] = false;
-    forget_sensors(link);
+    reset_sensor_reports(link);
 }
 
-void StatusTexts::forget_sensors(size_t link) {
+void StatusTexts::reset_sensor_reports(size_t link) {
     gyro_said_[link] = GyroCause::none;
     flow_said_[link] = FlowCause::none;
 }
 
-void StatusTexts::say_state(uint8_t state) {
+void StatusTexts::report_state(uint8_t state) {
     const bool alarm = state == OMNI_STATE_FAILSAFE || state == OMNI_STATE_ESTOP;
     const char *name = omni_safety_state_name(static_cast<omni_safety_state_t>(state));
     texts_.say(alarm ? MAV_SEVERITY_CRITICAL : MAV_SEVERITY_INFO, Text().add(name));
 }
 
-/// A ground station that leaves while it has the command stops the robot (link loss); another one's leaving is worth a
-/// word.
-void StatusTexts::say_links() {
+/// Report heartbeat losses. Of the station in command they stop the robot (link loss).
+void StatusTexts::report_link_changes() {
     if (!robot_.armed()) {
         return;
     }
@@ -138,19 +137,19 @@ void StatusTexts::say_links() {
     }
 }
 
-/// Once on each link, from the press to the release of the stop.
-void StatusTexts::say_button() {
+/// Report once per link and press, until the release of the e-stop.
+void StatusTexts::report_button() {
     const bool pressed = button_.pressed();
     for (size_t link = 0; link < links_.count(); ++link) {
         if (pressed && !button_said_[link] && links_[link].connected()) {
-            texts_.say_on(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
+            texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
         }
         button_said_[link] = pressed && links_[link].connected();
     }
 }
 
-/// Once when it begins: armed or not, the motors stay off from then on.
-void StatusTexts::say_read_back() {
+/// Report once at the start: the motors stay off from then on.
+void StatusTexts::report_read_back() {
     const bool missing = robot_.latest().read_back_missing;
     if (missing && !read_back_said_) {
         texts_.say(MAV_SEVERITY_CRITICAL, Text().add("PWM chip: MODE1 does not read back as 0x20"));
@@ -158,30 +157,30 @@ void StatusTexts::say_read_back() {
     read_back_said_ = missing;
 }
 
-/// Of the board's own chip: a host in the loop has another one. Once on each link: who comes later hears it, too.
-OMNI_COLD void StatusTexts::say_gyro() {
+/// Fault of the board's gyro, not of a simulated one. Once per link, also for peers that connect later.
+OMNI_COLD void StatusTexts::report_gyro() {
     const GyroTrouble trouble = gyro_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {
-        if (is_news(link, gyro_said_[link], trouble.cause)) {
+        if (is_new_cause(link, gyro_said_[link], trouble.cause)) {
             const bool over = trouble.cause == GyroCause::none;
-            texts_.say_on(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
+            texts_.send_to(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, gyro_text(trouble));
         }
     }
 }
 
-/// The same.
-OMNI_COLD void StatusTexts::say_flow() {
+/// Fault of the board's floor odometry sensor, reported in the same way.
+OMNI_COLD void StatusTexts::report_flow() {
     const FlowTrouble trouble = flow_chip_->trouble();
     for (size_t link = 0; link < links_.count(); ++link) {
-        if (is_news(link, flow_said_[link], trouble.cause)) {
+        if (is_new_cause(link, flow_said_[link], trouble.cause)) {
             const bool over = trouble.cause == FlowCause::none;
-            texts_.say_on(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
+            texts_.send_to(link, over ? MAV_SEVERITY_INFO : MAV_SEVERITY_WARNING, flow_text(trouble));
         }
     }
 }
 
-/// What the robot saw when it stopped, and the limit to compare it with. For faults that a number explains.
-OMNI_COLD void StatusTexts::say_cause() {
+/// Measured value and limit at a stop, for faults with a threshold.
+OMNI_COLD void StatusTexts::report_stop_cause() {
     const omni_stop_t &stop = robot_.latest().outputs.stop;
     const uint32_t faults = robot_.latest().outputs.fault_history;
     const omni_limits_t &limits = parameters_.config().limits;
@@ -229,7 +228,7 @@ OMNI_COLD void StatusTexts::say_cause() {
     }
     if ((faults & OMNI_FAULT_COMMAND_LOSS) != 0) {
         texts_.say(MAV_SEVERITY_CRITICAL,
-                   Text().add("no set-point for SAFE_CMD_TO ").add(limits.command_timeout_s).add(" s"));
+                   Text().add("no setpoint for SAFE_CMD_TO ").add(limits.command_timeout_s).add(" s"));
     }
     if ((faults & OMNI_FAULT_LINK_LOSS) != 0) {
         texts_.say(MAV_SEVERITY_CRITICAL,
@@ -237,15 +236,15 @@ OMNI_COLD void StatusTexts::say_cause() {
     }
 }
 
-void StatusTexts::say_failsafe() {
+void StatusTexts::report_failsafe() {
     texts_.say(MAV_SEVERITY_CRITICAL, fault_text("failsafe: ", robot_.latest().outputs.fault_history));
     if (state_ != OMNI_STATE_FAILSAFE) {
-        say_cause();
+        report_stop_cause();
     }
 }
 
-/// A velocity that is not followed as asked, again and again for as long as that lasts.
-OMNI_COLD void StatusTexts::say_slowed() {
+/// Report a limited velocity setpoint, repeatedly while it lasts.
+OMNI_COLD void StatusTexts::report_slowdown() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = slowed_said_us_ != 0 && clock_.now_us - slowed_said_us_ < slowed_interval_us;
     if (!is_velocity(out.setpoint_kind) || out.velocity_limits == 0 || quiet) {
@@ -265,43 +264,43 @@ OMNI_COLD void StatusTexts::say_slowed() {
     texts_.say(MAV_SEVERITY_NOTICE, text);
 }
 
-/// Motors that push less than the control wants, again and again for as long as that lasts.
-void StatusTexts::say_limited() {
+/// Report active current limiting, repeatedly while it lasts.
+void StatusTexts::report_current_limit() {
     const omni_outputs_t &out = robot_.latest().outputs;
     const bool quiet = limited_said_us_ != 0 && clock_.now_us - limited_said_us_ < slowed_interval_us;
-    if (!(out.current_cut > 0.0f) || quiet) {
+    if (!(out.current_reduction > 0.0f) || quiet) {
         return;
     }
     limited_said_us_ = clock_.now_us > 0 ? clock_.now_us : 1;
     texts_.say(MAV_SEVERITY_NOTICE, Text()
                                         .add("motors pushed at ")
-                                        .add(static_cast<uint32_t>((1.0f - out.current_cut) * 100.0f))
+                                        .add(static_cast<uint32_t>((1.0f - out.current_reduction) * 100.0f))
                                         .add(" %: LIM_I ")
                                         .add(rounded_figure(parameters_.values()[OMNI_PARAM_LIM_I]))
                                         .add(" A"));
 }
 
 void StatusTexts::serve() {
-    say_links();
-    say_button();
-    say_read_back();
+    report_link_changes();
+    report_button();
+    report_read_back();
     if (gyro_chip_ != nullptr && !robot_.hil()) {
-        say_gyro();
+        report_gyro();
     }
     if (flow_chip_ != nullptr && !robot_.hil()) {
-        say_flow();
+        report_flow();
     }
     const omni_outputs_t &out = robot_.latest().outputs;
     if (out.state == OMNI_STATE_FAILSAFE && (out.state != state_ || (out.fault_history & ~history_) != 0)) {
-        say_failsafe();
+        report_failsafe();
     } else if (out.state != state_) {
-        say_state(out.state);
+        report_state(out.state);
     }
     if (out.reference.phase == OMNI_PHASE_DONE && phase_ != OMNI_PHASE_DONE) {
         texts_.say(MAV_SEVERITY_INFO, Text().add("trajectory done"));
     }
-    say_slowed();
-    say_limited();
+    report_slowdown();
+    report_current_limit();
     state_ = out.state;
     phase_ = static_cast<uint8_t>(out.reference.phase);
     history_ = out.fault_history;

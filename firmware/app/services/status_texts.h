@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file status_texts.h  Says what changes: safety state, faults, end of a trajectory. Also what a limit makes slower
-/// than asked.
+/// @file status_texts.h  STATUSTEXT on changes: safety state, faults, end of a trajectory, and limited setpoints.
 #pragma once
 
 #include "app/services/button_watch.h"
@@ -17,31 +16,31 @@ public:
                 const GyroChip *gyro_chip, const FlowChip *flow_chip)
         : links_(links), texts_(texts), clock_(clock), robot_(robot), heartbeats_(heartbeats), button_(button),
           parameters_(parameters), gyro_chip_(gyro_chip), flow_chip_(flow_chip) {}
-    /// Compare the latest tick with what was said last.
+    /// Report changes since the last call.
     void serve();
     void restart();
-    /// Somebody has come to this link: what stops the robot, or is wrong with a sensor, is news there.
+    /// Report active stops and sensor faults to a new peer on this link.
     void greet(size_t link);
 
 private:
-    void say_state(uint8_t state);
-    void say_links();
-    void say_button();
-    void say_read_back();
-    /// Whether `cause` is another one than was said on this link, where somebody listens; it counts as said then.
+    void report_state(uint8_t state);
+    void report_link_changes();
+    void report_button();
+    void report_read_back();
+    /// Does `cause` differ from the last one reported on this link? If connected, it is marked as reported.
     template <typename Cause>
-    bool is_news(size_t link, Cause &said, Cause cause) const {
+    bool is_new_cause(size_t link, Cause &said, Cause cause) const {
         const bool news = cause != said && links_[link].connected();
         said = news ? cause : said;
         return news;
     }
-    void forget_sensors(size_t link);
-    void say_gyro();
-    void say_flow();
-    void say_failsafe();
-    void say_cause();
-    void say_slowed();
-    void say_limited();
+    void reset_sensor_reports(size_t link);
+    void report_gyro();
+    void report_flow();
+    void report_failsafe();
+    void report_stop_cause();
+    void report_slowdown();
+    void report_current_limit();
 
     const Links &links_;
     Texts &texts_;

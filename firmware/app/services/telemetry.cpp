@@ -5,17 +5,17 @@
 #include <cmath>
 #include <initializer_list>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
 
 constexpr uint64_t radio_spread_us = 70'000;
-/// A stream that has waited for so long for room goes before more important ones.
+/// Waiting time after which a stream has priority over more important ones.
 constexpr uint64_t longest_wait_us = 1'000'000;
 constexpr float min_interval_us = 1000.0f;
 constexpr float max_interval_us = 4.0e9f;
-/// Of the heartbeat, which stations know the robot by: it cannot be switched off either.
+/// Minimum rate of the heartbeat, which cannot be switched off: stations detect the robot by it.
 constexpr float max_heartbeat_us = 2.0e6f;
 
 /// @return stream number, or stream_count if no stream sends this message.
@@ -31,8 +31,7 @@ uint32_t interval_of(float rate_Hz) {
     return rate_Hz > 0.0f ? static_cast<uint32_t>(std::lround(1.0e6f / rate_Hz)) : 0;
 }
 
-/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; the heartbeat always comes once a second, what is to be asked for
-/// not at all.
+/// Rate at boot: SRn_STATE, SRn_WHEELS, SRn_STATUS; heartbeat 1 Hz, on-request messages 0.
 float boot_rate(size_t link, Group group, const omni_real_t *values) {
     switch (group) {
     case Group::state:
@@ -56,7 +55,7 @@ bool is_valid_id(float id) {
 
 OMNI_COLD void Telemetry::set_group(size_t link, Group group, float rate_Hz) {
     for (size_t i = 0; i < stream_count; ++i) {
-        // A frame that a radio would cut in two is sent there only if it was asked for by name.
+        // Frames longer than a radio's packet are sent there only on explicit request.
         const bool too_long = links_[link].is_radio() && longest_frame(streams[i].id) > Link::radio_frame;
         if (streams[i].group == group) {
             Due &due = due_[link][i];
@@ -126,7 +125,7 @@ OMNI_COLD void Telemetry::on_request_data_stream(const Frame &frame, const Sende
     }
 }
 
-/// A change of the safety state is told at once.
+/// Send a change of the safety state at once.
 void Telemetry::watch_state() {
     const uint8_t before = state_;
     state_ = robot_.state();
@@ -141,8 +140,8 @@ void Telemetry::watch_state() {
     }
 }
 
-/// The stream whose turn it is: the heartbeat, then the one that has waited longest of those that have waited too long,
-/// then the most important one. @return stream_count if none is due
+/// Next stream: the heartbeat, then the longest waiting of those beyond the maximum waiting time, then the most
+/// important one. @return stream_count if none is due
 size_t Telemetry::next_stream(size_t link) const {
     const uint64_t now_us = clock_.now_us;
     size_t first = stream_count;
@@ -164,8 +163,8 @@ size_t Telemetry::next_stream(size_t link) const {
     return oldest != stream_count ? oldest : first;
 }
 
-/// Without room all wait for the stream whose turn it is. So on a line that is too slow the least important streams
-/// become slower first, and none falls silent only because there was no room at the moment when it became due.
+/// Without room all streams wait for the next one. So on a slow link the least important streams become slower first,
+/// and none starves.
 void Telemetry::serve_link(size_t link) {
     for (size_t i = next_stream(link); i != stream_count; i = next_stream(link)) {
         if (!links_[link].admits(Priority::telemetry, longest_frame(streams[i].id))) {
@@ -177,7 +176,7 @@ void Telemetry::serve_link(size_t link) {
         if (late_us < due.interval_us) {
             due.next_us += due.interval_us;
         } else {
-            // Without a wait, the clock was set.
+            // No waiting time: the clock was changed.
             links_[link].count_dropped(waits_[link] ? static_cast<uint32_t>(late_us / due.interval_us) : 0);
             due.next_us = clock_.now_us + due.interval_us;
         }
@@ -196,7 +195,7 @@ void Telemetry::serve() {
 }
 
 OMNI_COLD void Telemetry::restart(size_t link) {
-    // On a radio one after the other: all at once would be more than its budget's burst.
+    // On a radio one after the other: all at once would exceed the token bucket.
     const uint64_t spread_us = links_[link].is_radio() ? radio_spread_us : 0;
     for (size_t i = 0; i < stream_count; ++i) {
         due_[link][i].next_us = clock_.now_us + i * spread_us;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file telemetry.h  What the robot reports by itself: messages with an interval per link, most important first.
+/// @file telemetry.h  Telemetry streams: messages with an interval per link, highest priority first.
 #pragma once
 
 #include <cstddef>
@@ -16,19 +16,19 @@ public:
     Telemetry(Links &links, const ReportSources &sources)
         : links_(links), sources_(sources), clock_(sources.clock), robot_(sources.robot) {}
 
-    /// Take the rates SRn_* of this link.
+    /// Set the rates of this link from SRn_*.
     void set_rates(size_t link, const omni_real_t *values);
     /// MAV_CMD_SET_MESSAGE_INTERVAL. @param interval_us -1: off; 0: as at boot. @return MAV_RESULT
     uint8_t set_interval(size_t link, float id, float interval_us, const omni_real_t *values);
-    /// MAV_CMD_REQUEST_MESSAGE, for the streamed messages. @return false if it is none of them.
+    /// MAV_CMD_REQUEST_MESSAGE, for streamed messages. @return false if it is another message.
     bool send_once(size_t link, uint32_t id);
     /// AUTOPILOT_VERSION. @return false if it was dropped.
     bool send_version(size_t link) { return report_version(links_[link], sources_.board); }
-    /// REQUEST_DATA_STREAM: MAVLink 1's way to ask for groups of messages.
+    /// REQUEST_DATA_STREAM: request by message group (MAVLink 1).
     void on_request_data_stream(const Frame &frame, const Sender &sender);
-    /// Send what is due.
+    /// Send messages that are due.
     void serve();
-    /// Everything is due now: the clock was set anew, or somebody has just connected.
+    /// Make all streams due now: after a change of the clock or a new connection.
     void restart();
     void restart(size_t link);
 
@@ -48,7 +48,7 @@ private:
     const RobotState &robot_;
     uint8_t state_ = OMNI_STATE_INIT;
     Due due_[Board::max_ports][stream_count] = {};
-    bool waits_[Board::max_ports] = {}; ///< a stream is due for which there is no room
+    bool waits_[Board::max_ports] = {}; ///< a due stream is blocked by lack of room
 };
 
 } // namespace omni

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 #include "app/services/trajectories.h"
 
-#include "app/base/cold.h"
 #include "app/base/core.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 
-/// Is a number that takes a parameter's place in its range? Refuses it otherwise.
+/// Is an argument that replaces a parameter within its range? Otherwise refuse it.
 bool Trajectories::accepts(int32_t parameter, float value, const char *name) {
     if (omni_param_check(parameter, value, false) == OMNI_OK) {
         return true;
@@ -16,7 +16,7 @@ bool Trajectories::accepts(int32_t parameter, float value, const char *name) {
     return false;
 }
 
-/// Plan into the scratch slot from the present pose. @param sender whose path it is
+/// Plan into the scratch slot from the current pose. @param sender requester
 OMNI_COLD uint8_t Trajectories::plan(const Sender &sender) {
     omni_trajectory_config_t config = parameters_.config().trajectory;
     if (type_ != -1.0f) {
@@ -38,7 +38,7 @@ OMNI_COLD uint8_t Trajectories::plan(const Sender &sender) {
         config.period_s = period_s_;
     }
     const bool listed = omni_trajectory_needs_waypoints(config.type);
-    if (listed && waypoints_.count > 0 && !(lister_ == sender)) {
+    if (listed && waypoints_.count > 0 && !(waypoint_sender_ == sender)) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: another station's waypoints"));
         return MAV_RESULT_DENIED;
     }
@@ -54,18 +54,18 @@ OMNI_COLD uint8_t Trajectories::plan(const Sender &sender) {
         return MAV_RESULT_FAILED;
     }
     if (waiting_) {
-        return MAV_RESULT_ACCEPTED; // said when it was asked for; now it was planned from where the robot stands
+        return MAV_RESULT_ACCEPTED; // already reported at the request; now planned again from the current pose
     }
     if (path.needed_scale > path.scale * 1.001f) {
         texts_.refuse(MAV_SEVERITY_WARNING,
                       Text().add("path too fast for the wheels by ").add(path.needed_scale / path.scale));
     }
-    say_slowed(path);
+    report_slowdown(path);
     return MAV_RESULT_ACCEPTED;
 }
 
-/// Whoever asked for the path learns that it takes longer, and which limit that comes from.
-void Trajectories::say_slowed(const omni_trajectory_t &path) {
+/// Report to the requester that the path is slowed down, with the limit.
+void Trajectories::report_slowdown(const omni_trajectory_t &path) {
     if (path.scale <= 1.001f) {
         return;
     }
@@ -79,7 +79,7 @@ void Trajectories::say_slowed(const omni_trajectory_t &path) {
     texts_.refuse(MAV_SEVERITY_NOTICE, text.add(" x ").add(path.config.margin));
 }
 
-/// In a state that only a release or a disarming leads out of, or on the way there.
+/// In e-stop or failsafe, or a stop is pending.
 bool Trajectories::stopped() const {
     const uint8_t state = robot_.state();
     return state == OMNI_STATE_ESTOP || state == OMNI_STATE_FAILSAFE || control_.stopping(OMNI_EVENT_ESTOP);
@@ -87,7 +87,7 @@ bool Trajectories::stopped() const {
 
 OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, const Sender &sender) {
     if (robot_.disarming() || robot_.releasing()) {
-        return MAV_RESULT_TEMPORARILY_REJECTED; // no report tells yet what state that leads to
+        return MAV_RESULT_TEMPORARILY_REJECTED; // the resulting state is not in a report yet
     }
     if (stopped()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("trajectory refused: release or disarm first"));
@@ -101,8 +101,8 @@ OMNI_COLD uint8_t Trajectories::start(float type, float laps, float period_s, co
     if (result != MAV_RESULT_ACCEPTED) {
         return result;
     }
-    asker_ = sender;
-    asked_us_ = clock_.now_us;
+    requester_ = sender;
+    requested_us_ = clock_.now_us;
     waiting_ = robot_.state() != OMNI_STATE_ARMED && !robot_.arming();
     if (!waiting_) {
         control_.plans.publish();
@@ -133,11 +133,11 @@ OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &po
     }
     if (number == 0.0f) {
         waypoints_.count = 0;
-        lister_ = sender;
-    } else if (waypoints_.count > 0 && !(lister_ == sender)) {
+        waypoint_sender_ = sender;
+    } else if (waypoints_.count > 0 && !(waypoint_sender_ == sender)) {
         return refuse_waypoint("another's list, begin with 0");
     } else if (number == expected - 1.0f) {
-        waypoints_.count--; // sent again, since its acknowledgement got lost on a radio
+        waypoints_.count--; // retransmission: its acknowledgement was lost
     } else if (!(number == expected && number < static_cast<float>(OMNI_MAX_WAYPOINTS))) {
         return refuse_waypoint("number without gaps, 0..31");
     }
@@ -146,20 +146,20 @@ OMNI_COLD uint8_t Trajectories::set_waypoint(float number, const omni_pose_t &po
 }
 
 OMNI_COLD void Trajectories::forget(size_t link) {
-    waiting_ = waiting_ && asker_.link != link;
-    waypoints_.count = static_cast<uint8_t>(lister_.link == link ? 0 : waypoints_.count);
+    waiting_ = waiting_ && requester_.link != link;
+    waypoints_.count = static_cast<uint8_t>(waypoint_sender_.link == link ? 0 : waypoints_.count);
 }
 
-OMNI_COLD void Trajectories::watch_asker() {
-    const bool silent = !heartbeats_.stations.present(asker_, asked_us_, clock_.now_us);
+OMNI_COLD void Trajectories::watch_requester() {
+    const bool silent = !heartbeats_.stations.present(requester_, requested_us_, clock_.now_us);
     if (silent) {
-        texts_.say_on(asker_.link, MAV_SEVERITY_NOTICE, Text().add("path not started: its station was silent"));
+        texts_.send_to(requester_.link, MAV_SEVERITY_NOTICE, Text().add("path not started: its station was silent"));
     }
     waiting_ = !silent && !stopped();
 }
 
 void Trajectories::on_arm(const Sender &sender) {
-    const bool own = asker_ == sender;
+    const bool own = requester_ == sender;
     if (waiting_ && !own) {
         texts_.say(MAV_SEVERITY_WARNING, Text().add("path not started: another station armed"));
     }

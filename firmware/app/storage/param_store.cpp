@@ -5,9 +5,9 @@
 #include <cstring>
 #include <iterator>
 
-#include "app/base/cold.h"
 #include "app/base/crc32.h"
-#include "app/base/words.h"
+#include "app/base/flash_code.h"
+#include "app/base/u32_bytes.h"
 #include "app/storage/storage_layout.h"
 
 namespace omni {
@@ -22,8 +22,7 @@ constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
 
-/// Tables of the firmwares that stored by index, and how many parameters each had. Their order is that of today's
-/// table.
+/// Tables of firmwares that stored by index, and their number of parameters. Same order as the current table.
 struct OldTable {
     uint32_t schema;
     int32_t count;
@@ -39,7 +38,7 @@ int32_t parameter_of_key(uint16_t key) {
     return -1;
 }
 
-/// @return how many indices of the old table with this CRC are today's, 0 if it is not known.
+/// @return number of valid indices of the old table with this CRC; 0: unknown table.
 int32_t indices_of(uint32_t schema) {
     const auto *found = std::find_if(std::begin(old_tables), std::end(old_tables),
                                      [schema](const OldTable &table) { return table.schema == schema; });
@@ -63,29 +62,29 @@ OMNI_COLD Slot ParamStore::judge() const {
         return slot;
     }
     slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
-    const size_t count = get_word(buffer_ + at_count);
-    const uint32_t kind = get_word(buffer_);
+    const size_t count = read_u32(buffer_ + at_count);
+    const uint32_t kind = read_u32(buffer_);
     if ((kind != magic && kind != magic_by_index) ||
         count > (slot_size() - header_length - crc_length) / entry_length) {
         return slot;
     }
     const size_t length = header_length + count * entry_length;
-    slot.valid = get_word(buffer_ + length) == crc32(buffer_, length);
-    slot.sequence = get_word(buffer_ + at_sequence);
+    slot.valid = read_u32(buffer_ + length) == crc32(buffer_, length);
+    slot.sequence = read_u32(buffer_ + at_sequence);
     return slot;
 }
 
 OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
-    misfits_ = {};
+    rejected_params_ = {};
     if (!read_newest()) {
         return StoreResult::empty;
     }
-    const bool by_index = get_word(buffer_) == magic_by_index;
-    const int32_t indices = by_index ? indices_of(get_word(buffer_ + at_schema)) : 0;
+    const bool by_index = read_u32(buffer_) == magic_by_index;
+    const int32_t indices = by_index ? indices_of(read_u32(buffer_ + at_schema)) : 0;
     if (by_index && indices == 0) {
         return StoreResult::foreign;
     }
-    const size_t count = get_word(buffer_ + at_count);
+    const size_t count = read_u32(buffer_ + at_count);
     for (size_t i = 0; i < count; ++i) {
         const uint8_t *entry = buffer_ + header_length + i * entry_length;
         const auto key = static_cast<uint16_t>(entry[0] | entry[1] << 8);
@@ -95,7 +94,7 @@ OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
         if (omni_param_check(index, value, false) == OMNI_OK) {
             values[index] = value;
         } else {
-            misfits_.add(index, value);
+            rejected_params_.add(index, value);
         }
     }
     return StoreResult::ok;
@@ -120,11 +119,11 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
         length += entry_length;
         ++count;
     }
-    put_word(buffer_, magic);
-    put_word(buffer_ + at_schema, omni_param_schema_crc);
-    put_word(buffer_ + at_sequence, sequence);
-    put_word(buffer_ + at_count, count);
-    put_word(buffer_ + length, crc32(buffer_, length));
+    write_u32(buffer_, magic);
+    write_u32(buffer_ + at_schema, omni_param_schema_crc);
+    write_u32(buffer_ + at_sequence, sequence);
+    write_u32(buffer_ + at_count, count);
+    write_u32(buffer_ + length, crc32(buffer_, length));
     return length + crc_length;
 }
 

@@ -4,9 +4,9 @@
 #include <algorithm>
 #include <cstring>
 
-#include "app/base/cold.h"
 #include "app/base/crc32.h"
-#include "app/base/words.h"
+#include "app/base/flash_code.h"
+#include "app/base/u32_bytes.h"
 
 namespace omni {
 namespace {
@@ -21,8 +21,8 @@ Slot RecordStore::judge() const {
     Slot slot;
     const size_t covered = at_content + content_;
     slot.erased = std::all_of(buffer_, buffer_ + slot_size(), [](uint8_t byte) { return byte == 0xFF; });
-    slot.valid = get_word(buffer_) == magic && get_word(buffer_ + covered) == crc32(buffer_, covered);
-    slot.sequence = get_word(buffer_ + at_sequence);
+    slot.valid = read_u32(buffer_) == magic && read_u32(buffer_ + covered) == crc32(buffer_, covered);
+    slot.sequence = read_u32(buffer_ + at_sequence);
     return slot;
 }
 
@@ -38,10 +38,10 @@ RecordStore::Result RecordStore::load(uint8_t *data) {
 OMNI_COLD bool RecordStore::save(const uint8_t *data) {
     return write_next([this, data](uint32_t sequence) {
         const size_t covered = at_content + content_;
-        put_word(buffer_, magic);
-        put_word(buffer_ + at_sequence, sequence);
+        write_u32(buffer_, magic);
+        write_u32(buffer_ + at_sequence, sequence);
         std::memcpy(buffer_ + at_content, data, content_);
-        put_word(buffer_ + covered, crc32(buffer_, covered));
+        write_u32(buffer_ + covered, crc32(buffer_, covered));
         return slot_size();
     });
 }

@@ -23,9 +23,9 @@ public:
     RecordStore(Storage &storage, size_t offset, size_t content)
         : TwoSlots(storage), offset_(offset), content_(content) {}
 
-    /// @param data `content` bytes, untouched unless ok.
+    /// Load the record. @param data out: `content` bytes, unchanged unless ok.
     Result load(uint8_t *data);
-    /// @return false if the memory did not take it; the old content is then still there.
+    /// Store the record. @return false on a write error; the old content is then still valid.
     bool save(const uint8_t *data);
 
 private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file storage_layout.h  Who owns which bytes of the non-volatile memory.
+/// @file storage_layout.h  Layout of the non-volatile memory.
 ///
 ///     0                     parameters, slot 0    ┐ (size - tail) / 2 each, see param_store.h
 ///     (size - tail) / 2     parameters, slot 1    ┘
@@ -7,8 +7,8 @@
 ///     size - tail + 2 key   signing time, slots 0 and 1
 ///     size - 2 latch        emergency stop, slots 0 and 1
 ///
-/// A memory of 2048 bytes takes every parameter. The smallest one tested has the 1080 bytes of the Teensy core's EEPROM
-/// emulation. That is 444 bytes per parameter slot: room for 70 parameters that differ from the robot's own.
+/// 2048 bytes are enough for all parameters. The smallest tested size is 1080 bytes (EEPROM emulation of the Teensy
+/// core): 444 bytes per parameter slot, enough for 70 parameters that differ from the robot file's.
 #pragma once
 
 #include <cstddef>

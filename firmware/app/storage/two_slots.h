@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file two_slots.h  Content in non-volatile memory, in two slots written in turn. A power cut at any byte leaves the
-/// old or the new content, never a mix. The rules are those of docs/reference/storage.md, for every format that is kept
-/// like that.
+/// @file two_slots.h  Power-fail safe storage in two slots written alternately: a power cut at any byte leaves the old
+/// or the new content. Rules: docs/reference/storage.md.
 #pragma once
 
 #include <cstddef>
@@ -11,19 +10,19 @@
 
 namespace omni {
 
-/// What a slot holds.
+/// State of a slot.
 struct Slot {
-    bool valid = false;    ///< whole, with the right mark and CRC
+    bool valid = false;    ///< valid magic and CRC
     bool erased = false;   ///< never written
-    uint32_t sequence = 0; ///< of valid ones the later counts
+    uint32_t sequence = 0; ///< the valid slot with the later one is used
 };
 
-/// `Format` derives from this and knows its bytes. `slot_size()` and `place()` say where slot 0 is; slot 1 follows.
-/// `buffer_` takes a slot, and `judge()` says what it holds.
+/// `Format` (CRTP) derives from this and defines the format: `slot_size()`, `place()` (offset of slot 0, slot 1
+/// follows), `buffer_` for one slot, and `judge()`, which validates the buffer.
 template <class Format>
 class TwoSlots {
 public:
-    /// A slot is neither valid nor erased, as a power cut while writing leaves it, or cannot be read.
+    /// Is a slot neither valid nor erased (power cut while writing), or unreadable?
     bool damaged_slot() { return is_damaged(inspect(0)) || is_damaged(inspect(1)); }
 
 protected:
@@ -31,21 +30,21 @@ protected:
 
     static bool is_damaged(const Slot &slot) { return !slot.valid && !slot.erased; }
 
-    /// Reads the slot into the buffer and judges it.
+    /// Read a slot into the buffer and validate it.
     Slot inspect(size_t number) {
         const size_t size = format().slot_size();
         return storage_.read(format().place() + number * size, format().buffer_, size) ? format().judge() : Slot{};
     }
 
-    /// Reads the valid slot written last into the buffer. @return false if there is none.
+    /// Read the newest valid slot into the buffer. @return false if there is none.
     bool read_newest() {
         const int slot = newest();
         return slot >= 0 && inspect(static_cast<size_t>(slot)).valid;
     }
 
-    /// Has `compose` fill the buffer and writes it into the slot that does not count. The other one stays untouched.
-    /// @param compose takes the sequence number, returns how many bytes to write, 0: none. @return false if the memory
-    /// did not take it.
+    /// Fill the buffer by `compose` and write it to the inactive slot.
+    /// @param compose gets the sequence number, returns the number of bytes, 0: nothing to write. @return false on a
+    /// write error.
     template <class Compose>
     bool write_next(const Compose &compose) {
         const int last = newest();
@@ -65,7 +64,7 @@ protected:
 private:
     Format &format() { return static_cast<Format &>(*this); }
 
-    /// @return number of the valid slot written last, or -1.
+    /// Number of the newest valid slot, or -1.
     int newest() {
         const Slot first = inspect(0);
         const Slot second = inspect(1);

@@ -4,15 +4,15 @@
 #include <cstddef>
 #include <cstring>
 
-#include "app/base/cold.h"
 #include "app/base/crc32.h"
+#include "app/base/flash_code.h"
 
 namespace omni {
 namespace {
 
 constexpr uint16_t version = 1;
 constexpr size_t word = 4;
-/// Bytes that one call of serve() looks at: a tenth of a millisecond on a Teensy.
+/// Bytes per call of serve(): 0.1 ms on a Teensy.
 constexpr size_t seal_piece = 512;
 
 enum class ColumnType : uint8_t { real = 0, signed_int = 1, unsigned_int = 2 };
@@ -77,7 +77,7 @@ constexpr Signal signals[] = {
     {burst_tick_time, Per::robot, ColumnType::unsigned_int, "tick_time", "s", offsetof(TickReport, last_tick_ns)},
 };
 
-/// What a recorded word is to be multiplied by.
+/// Scale factor of a recorded word.
 OMNI_COLD float scale_of(const Signal &signal, size_t index, const omni_robot_config_t &config) {
     switch (signal.bit) {
     case 0:

@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: MIT
-/// @file burst_recorder.h  A second of a drive as fast as the control tick runs, in the robot's memory, to be fetched
-/// afterwards.
+/// @file burst_recorder.h  Burst recorder: signals at the tick rate into RAM, downloaded afterwards.
 ///
-/// The tick copies words of its report into the board's memory, and nothing else: no conversion, no scaling. The
-/// background prepares what is copied and seals the recording with a CRC when it is over. What is fetched is one file:
-/// header, columns, samples, CRC-32 (docs/reference/burst.md has every byte).
+/// The tick only copies words of its report. The background prepares the columns and adds the CRC at the end. The
+/// result is one file: header, columns, samples, CRC-32 (docs/reference/burst.md).
 ///
 ///     idle --prepare()--> waiting --trigger()--> recording --> recorded --serve()--> complete
 ///
-/// A recording ends by itself when all its samples are there. stop() ends it earlier, with the samples it has.
+/// A recording ends when it has all samples, or by stop() with the samples so far.
 #pragma once
 
 #include <atomic>
@@ -20,7 +18,7 @@
 
 namespace omni {
 
-/// Bits of what can be recorded; a bit per wheel decides which wheels.
+/// Recordable signals, one bit each; wheels are selected separately.
 enum BurstSignal : uint16_t {
     burst_wheel_reference = 1 << 0, ///< rad/s
     burst_wheel_speed = 1 << 1,     ///< estimate [rad/s]
@@ -31,49 +29,48 @@ enum BurstSignal : uint16_t {
     burst_pose_reference = 1 << 6,
     burst_supply = 1 << 7,
     burst_tick_time =
-        1 << 8, ///< how long the tick before took; not in host-in-the-loop, where equal input gives equal output
+        1 << 8, ///< duration of the previous tick; not in hardware-in-the-loop, which must be deterministic
     burst_all_signals = (1 << 9) - 1
 };
 
-/// What to record.
+/// Configuration of a recording.
 struct BurstPlan {
     uint32_t samples = 0;
-    uint16_t every = 1;   ///< ticks from one sample to the next
-    uint16_t signals = 0; ///< BurstSignal bits; the time is always there
+    uint16_t every = 1;   ///< decimation: ticks per sample
+    uint16_t signals = 0; ///< BurstSignal bits; time is always recorded
     uint8_t wheels = 0;   ///< bit per wheel
 };
 
-/// How it ended.
+/// End of a recording.
 enum class BurstEnd : uint8_t { complete = 0, stopped = 1 };
 
 class BurstRecorder {
 public:
-    /// Board's memory, aligned to 8 bytes. @param size 0: there is none, and nothing can be recorded.
+    /// Set the memory, aligned to 8 bytes. @param size 0: none, recording is not possible.
     void attach(uint8_t *memory, size_t size);
-    /// Background: samples of these signals that the memory holds.
+    /// Background: number of samples of these signals that fit in memory.
     uint32_t capacity(const BurstPlan &plan) const;
-    /// Background: forget what was recorded, and be ready for this. @return false if it does not fit; nothing has
-    /// changed then.
+    /// Background: discard the last recording and prepare a new one. @return false if it does not fit; unchanged then.
     bool prepare(const BurstPlan &plan, const omni_robot_config_t &config);
-    /// From both sides: begin if it waits for that.
+    /// Tick or background: start a prepared recording.
     void trigger() { change(State::waiting, State::recording); }
-    /// Background: end a recording with the samples it has; forget one that waits.
+    /// Background: end a recording with the samples so far; discard a prepared one.
     void stop();
-    /// Background: forget a complete recording. @return false if there is none.
+    /// Background: discard a complete recording. @return false if there is none.
     bool erase() { return change(State::complete, State::idle); }
-    /// Only while no tick runs: forget what is not complete.
+    /// Only while no tick runs: discard an incomplete recording.
     void restart();
-    /// Background: seal what is recorded, a piece per call.
+    /// Background: compute the CRC of a finished recording, a piece per call.
     void serve();
 
     bool busy() const { return state() != State::idle && state() != State::complete; }
-    /// The whole file; 0 bytes unless it is complete.
+    /// Size of the file; 0 unless complete.
     size_t size() const { return state() == State::complete ? size_ : 0; }
     const uint8_t *data() const { return memory_; }
 
-    /// Tick: whether sample() wants this tick's report.
+    /// Tick: is a recording running?
     bool recording() const { return state() == State::recording; }
-    /// Tick: take a sample of every so many reports.
+    /// Tick: record a sample, every `every` reports.
     void sample(const TickReport &report);
 
 private:
@@ -89,7 +86,7 @@ private:
     size_t memory_size_ = 0;
     std::atomic<State> state_{State::idle};
     std::atomic<bool> stop_{false};
-    uint16_t offsets_[most_columns] = {}; ///< in words, of each column in TickReport
+    uint16_t offsets_[most_columns] = {}; ///< word offset of each column in TickReport
     size_t columns_ = 0;
     uint16_t every_ = 1;
     uint16_t left_ = 0; ///< reports until the next sample
@@ -100,8 +97,8 @@ private:
     uint16_t first_config_ = 0;
     uint16_t last_config_ = 0;
     uint8_t *next_ = nullptr; ///< where the next sample goes
-    size_t size_ = 0;         ///< of the file
-    size_t sealed_ = 0;       ///< bytes that the CRC has
+    size_t size_ = 0;         ///< file size
+    size_t sealed_ = 0;       ///< bytes in `crc_`
     uint32_t crc_ = 0;
 };
 

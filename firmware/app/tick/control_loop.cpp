@@ -8,49 +8,50 @@
 namespace omni {
 namespace {
 
-/// A megavolt for a tick: no supply that is measured has it, but a host may tell one. It is not counted.
+/// Limit of |voltage| per tick in the integral [1e-6 V s]: larger values, possible only from a simulator, are ignored
+/// to prevent an overflow of the conversion.
 constexpr float most_volt_us = 1e9f;
 
 } // namespace
 
 void ControlLoop::hold() {
-    void_before_.store(++order_, std::memory_order_relaxed);
+    setpoints_void_before_.store(++order_, std::memory_order_relaxed);
     stop(OMNI_EVENT_TRAJECTORY_STOP);
 }
 
-void ControlLoop::test_pin(const PinTest &test) {
+void ControlLoop::request_pin_test(const PinTest &test) {
     pin_test_wanted_.store(test.ticks * 2 + (test.release ? 1 : 0), std::memory_order_relaxed);
-    tell(news_pin_test);
+    set_pending(pending_pin_test);
 }
 
 void ControlLoop::set_setpoint(const omni_setpoint_t &setpoint) {
     setpoints_.writing() = {setpoint, order_};
     setpoints_.publish();
-    tell(news_setpoint);
+    set_pending(pending_setpoint);
 }
 
 void ControlLoop::set_heartbeat(uint64_t time_us) {
     heartbeats_.writing() = time_us;
     heartbeats_.publish();
-    tell(news_heartbeat);
+    set_pending(pending_heartbeat);
 }
 
 void ControlLoop::excite(const omni_excitation_t &excitation) {
     excitations_.writing() = excitation;
     excitations_.publish();
-    tell(news_excitation);
+    set_pending(pending_excitation);
 }
 
 bool ControlLoop::request(Request request) {
     request.order = ++order_;
     const bool done = requests_.push(request);
-    tell(news_request);
+    set_pending(pending_request);
     return done;
 }
 
 bool ControlLoop::offer_fix(const omni_pose_fix_t &fix) {
     const bool done = fixes_.push(fix);
-    tell(news_fix);
+    set_pending(pending_fix);
     return done;
 }
 
@@ -70,7 +71,7 @@ void ControlLoop::restart() {
         fixes_.drop();
     }
     fixes_seen_ = 0;
-    looked_at_fix_ = false;
+    had_fix_ = false;
     fix_report.writing() = {};
     fix_report.publish();
     flags_.fetch_and(OMNI_EVENT_ESTOP);
@@ -90,14 +91,14 @@ void ControlLoop::restart() {
     driver_->set_wiring(setup_->wiring);
     driver_was_ready_ = false;
     scan_.restart();
-    silencing_ = 0;
+    all_off_ticks_left_ = 0;
     pin_test_ = {};
     powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
 }
 
-/// Set-points that came before are no longer valid, the one in force included.
+/// Invalidate earlier setpoints, including the current one.
 void ControlLoop::forget_setpoints(uint32_t before) {
     inputs_.setpoint.kind = OMNI_SETPOINT_NONE;
     oldest_valid_ = before;
@@ -107,7 +108,7 @@ void ControlLoop::apply(const Request &request) {
     switch (request.kind) {
     case Request::Kind::event:
         if ((request.event & OMNI_EVENT_ARM) != 0 && outputs_->state != OMNI_STATE_ARMED) {
-            forget_setpoints(request.order); // what moved the robot before its last disarm does not start again
+            forget_setpoints(request.order); // setpoints from before the last disarm must not move it again
         }
         inputs_.events |= request.event;
         break;
@@ -121,48 +122,48 @@ void ControlLoop::apply(const Request &request) {
     }
 }
 
-void ControlLoop::take_requests() {
+void ControlLoop::process_requests() {
     for (const Request *request = requests_.front(); request != nullptr; request = requests_.front()) {
         apply(*request);
         requests_.drop();
     }
 }
 
-void ControlLoop::take_news(uint32_t flags) {
-    if ((flags & news_heartbeat) != 0 && heartbeats_.update()) {
+void ControlLoop::process_pending_data(uint32_t flags) {
+    if ((flags & pending_heartbeat) != 0 && heartbeats_.update()) {
         inputs_.heartbeat_us = heartbeats_.reading();
     }
-    if ((flags & news_setpoint) != 0 && setpoints_.update() &&
+    if ((flags & pending_setpoint) != 0 && setpoints_.update() &&
         static_cast<int32_t>(setpoints_.reading().order - oldest_valid_) >= 0) {
         inputs_.setpoint = setpoints_.reading().setpoint;
     }
-    if ((flags & news_pin_test) != 0) {
+    if ((flags & pending_pin_test) != 0) {
         begin_pin_test(pin_test_wanted_.load(std::memory_order_relaxed));
     }
-    if ((flags & news_excitation) != 0 && excitations_.update()) {
-        take_excitation();
+    if ((flags & pending_excitation) != 0 && excitations_.update()) {
+        start_pending_excitation();
     }
 }
 
-void ControlLoop::take_excitation() {
+void ControlLoop::start_pending_excitation() {
     const uint8_t wheels = setup_->config.kinematics.wheels;
-    if (omni_excitation_start(&robot_.exciter, &excitations_.reading(), wheels) == OMNI_OK) {
+    if (omni_excitation_start(&robot_.excitation, &excitations_.reading(), wheels) == OMNI_OK) {
         burst.trigger();
     }
 }
 
-/// One per tick; the next one waits. In the tick after it, which looks here once more, it is told what became of it.
-void ControlLoop::take_fix() {
-    if (looked_at_fix_) {
+/// Process one fix per tick; its result is published in the next tick, which is flagged for that.
+void ControlLoop::process_fix() {
+    if (had_fix_) {
         report_fix();
     }
     const omni_pose_fix_t *fix = fixes_.front();
     inputs_.has_fix = fix != nullptr;
-    looked_at_fix_ = inputs_.has_fix;
+    had_fix_ = inputs_.has_fix;
     if (fix != nullptr) {
         inputs_.fix = *fix;
         fixes_.drop();
-        tell(news_fix);
+        set_pending(pending_fix);
         const omni_pose_ekf_state_t &ekf = robot_.estimator.pose_ekf;
         accepted_before_ = ekf.accepted;
         refused_before_ = ekf.refused;
@@ -170,7 +171,7 @@ void ControlLoop::take_fix() {
     }
 }
 
-/// Of the tick before. The filter has a new innovation of every fix that it could compare with its estimate.
+/// Publish the result of the previous tick's fix. The filter's innovation changes with every fix of a usable time.
 void ControlLoop::report_fix() {
     FixReport &out = fix_report.writing();
     out.pose = inputs_.fix.pose;
@@ -186,53 +187,53 @@ void ControlLoop::report_fix() {
     fix_report.publish();
 }
 
-/// @param flags the stops among them are in the tick's events before anything else is looked at. A request that came
-/// before a stop is then sure to be in the same tick, where the stop wins.
-void ControlLoop::take_flags(uint32_t flags) {
-    constexpr uint32_t unordered = news_heartbeat | news_setpoint | news_pin_test | news_excitation;
-    constexpr uint32_t news = unordered | news_request | news_fix;
+/// @param flags stops are added to the tick's events before anything else. A request from before a stop is then in the
+/// same tick, where the stop has priority.
+void ControlLoop::process_events(uint32_t flags) {
+    constexpr uint32_t unordered = pending_heartbeat | pending_setpoint | pending_pin_test | pending_excitation;
+    constexpr uint32_t news = unordered | pending_request | pending_fix;
     inputs_.events = flags & ~news;
     if ((flags & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
-        omni_leave_plan(&inputs_);
-        oldest_valid_ = void_before_.load(std::memory_order_relaxed);
+        omni_stop_trajectory(&inputs_);
+        oldest_valid_ = setpoints_void_before_.load(std::memory_order_relaxed);
     }
-    if ((flags & news_request) != 0) {
-        take_requests();
+    if ((flags & pending_request) != 0) {
+        process_requests();
     }
     if ((flags & unordered) != 0) {
-        take_news(flags);
+        process_pending_data(flags);
     }
-    if ((flags & news_fix) != 0) {
-        take_fix();
+    if ((flags & pending_fix) != 0) {
+        process_fix();
     }
 }
 
-void ControlLoop::take_what_waits() {
+void ControlLoop::process_pending() {
     inputs_.events = 0;
     inputs_.has_fix = false;
     if (flags_.load(std::memory_order_relaxed) != 0) {
-        take_flags(flags_.exchange(0, std::memory_order_acq_rel));
+        process_events(flags_.exchange(0, std::memory_order_acq_rel));
     }
 }
 
-void ControlLoop::take_plan() {
+void ControlLoop::process_plan() {
     if (const omni_trajectory_t *plan = plans.take()) {
-        omni_follow_plan(&inputs_, plan);
+        omni_start_trajectory(&inputs_, plan);
         inputs_.setpoint.time_us = inputs_.time_us;
     }
 }
 
-/// The driver sets its chip up anew afterwards, and until then nobody arms.
+/// The driver initialises its chip again afterwards; arming is refused until then.
 void ControlLoop::begin_scan() {
     if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
         driver_was_ready_ = false;
-        silencing_ = silence_attempts;
+        all_off_ticks_left_ = all_off_attempts;
         scan_.start();
     }
 }
 
-/// Only over small open-loop duties, which no loop raises while the wheels do not follow. A repeated command changes
-/// nothing.
+/// Requires small open-loop duties: a closed loop would raise them while the wheels do not respond. A retransmission
+/// has no effect.
 void ControlLoop::begin_pin_test(uint32_t wanted) {
     if (pin_test_.ticks != 0 || !outputs_->drive) {
         return;
@@ -245,13 +246,12 @@ void ControlLoop::begin_pin_test(uint32_t wanted) {
         pin_test_.ticks = wanted / 2;
         pin_test_.release = wanted % 2 != 0;
     } else {
-        inputs_.events |=
-            OMNI_EVENT_DISARM; // the duties have grown since it was accepted: it ends as it would have ended
+        inputs_.events |= OMNI_EVENT_DISARM; // the duties have increased since it was accepted: disarm, as at its end
     }
 }
 
-/// The core is told what is true, no duty: it sees no stalled wheel and counts no volts. Silence of the host still
-/// stops it.
+/// During the test the core gets the actual duties, 0, so that no stall is detected and no voltage is integrated. A
+/// setpoint timeout still stops it.
 void ControlLoop::prepare_pin_test() {
     if (pin_test_.ticks == 0) {
         return;
@@ -264,9 +264,9 @@ void ControlLoop::prepare_pin_test() {
     }
 }
 
-/// In place of the motor driver. @return false if there is no test: any stop ends it and goes to the bus in the same
+/// Runs instead of the motor driver. @return false if no test is active: a stop ends it and reaches the bus in the same
 /// tick.
-bool ControlLoop::test_pin(OutputEnable &pin) {
+bool ControlLoop::run_pin_test(OutputEnable &pin) {
     if (pin_test_.ticks == 0 || !outputs_->drive) {
         pin_test_.ticks = 0;
         return false;
@@ -280,7 +280,7 @@ bool ControlLoop::test_pin(OutputEnable &pin) {
     return true;
 }
 
-/// Another driver begins with its hardware as it finds it; the one before leaves its own switched off.
+/// Change the motor driver: the previous one is switched off, the new one starts from an unknown state.
 void ControlLoop::use_wiring(MotorWires &wires) {
     MotorDriver &wanted = drivers_.of(setup_->wiring.driver);
     if (&wanted != driver_) {
@@ -295,10 +295,10 @@ void ControlLoop::use_wiring(MotorWires &wires) {
 void ControlLoop::scan(MotorWires &wires) {
     powered_ = false;
     wires.enable.set(false);
-    if (silencing_ > 0) {
-        // The update that stopped the motors may have failed or waited, and no other one comes while the scan has the
+    if (all_off_ticks_left_ > 0) {
+        // The update that stopped the motors may have failed or be pending, and there is none while the scan has the
         // bus.
-        silencing_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(silencing_ - 1);
+        all_off_ticks_left_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(all_off_ticks_left_ - 1);
         return;
     }
     scan_.step(wires.bus);
@@ -313,11 +313,11 @@ bool ControlLoop::release(MotorWires &wires) {
     return driver_->all_off(wires);
 }
 
-/// Bridges by the bus and, independent of it, by the pin.
+/// Output to the bridges by the driver and, independently, by the output-enable pin.
 void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
     driver_->drive(wires, now_us, outputs_->duty, outputs_->drive);
     driver_was_ready_ = driver_was_ready_ || driver_->ready();
-    powered_ = driver_->ready() && omni_motor_power(outputs_->drive, powered_, driver_->failures());
+    powered_ = driver_->ready() && omni_may_power_motors(outputs_->drive, powered_, driver_->failures());
     wires.enable.set(powered_);
 }
 
@@ -334,7 +334,7 @@ void ControlLoop::measure(uint64_t duration_ns) {
     }
 }
 
-/// The voltage of this tick acts until the next one.
+/// Integrate this tick's voltage, which acts until the next tick.
 void ControlLoop::integrate_voltage() {
     for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
         const float volt_us = outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US);
@@ -351,7 +351,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.ticks = ticks_;
     out.overruns = sensors.overruns;
     out.i2c_errors = driver_->errors();
-    // Asked only once the updates have failed for good: most ticks need not look at the driver.
+    // Only after persistent failures, to save the call in most ticks.
     out.read_back_missing = inputs_.driver_failures == UINT16_MAX && driver_->read_back_missing();
     out.battery_V = sensors.battery_V;
     out.tick_us_mean = tick_us_mean_;
@@ -359,7 +359,7 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     out.tick_jitter_us_max = sensors.jitter_us;
     out.fix_us = robot_.estimator.pose_ekf.last_fix_us;
     out.noise_factor = robot_.estimator.pose_ekf.noise_factor;
-    out.fix_factor = robot_.estimator.pose_ekf.fix_factor;
+    out.fix_factor = robot_.estimator.pose_ekf.fix_noise_factor;
     out.fix_restarts = robot_.estimator.pose_ekf.restarts;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
     std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
@@ -381,21 +381,21 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
         omni_robot_set_config(&robot_, &setup_->config);
         use_wiring(wires);
     }
-    take_what_waits();
-    take_plan();
+    process_pending();
+    process_plan();
     prepare_pin_test();
     sensors.to_inputs(&inputs_);
     if (!scan_.running()) {
         driver_->poll(wires);
     }
     inputs_.driver_failures = driver_->failures();
-    // Until the chip has been set up for the first time nothing could stop a motor: no arming.
+    // No arming before the first initialisation: nothing could stop a motor.
     inputs_.faults = sensors.faults | (driver_was_ready_ ? 0u : static_cast<uint32_t>(OMNI_FAULT_DRIVER));
     outputs_ = &report.writing().outputs;
     omni_robot_tick(&robot_, &inputs_, outputs_);
     if (scan_.running()) {
         scan(wires);
-    } else if (!test_pin(wires.enable)) {
+    } else if (!run_pin_test(wires.enable)) {
         drive(wires, sensors.time_us);
     }
     ++ticks_;

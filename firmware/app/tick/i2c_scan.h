@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file i2c_scan.h  Asks every I2C address whether somebody is there, one per tick. The tick's side; the bus is its
-/// own meanwhile.
+/// @file i2c_scan.h  Scans the I2C bus for devices, one address per tick, with exclusive use of the bus.
 #pragma once
 
 #include <cstddef>
@@ -10,20 +9,20 @@
 
 namespace omni {
 
-/// Who answered.
+/// Result of a scan.
 struct I2cFound {
-    uint32_t scans = 0;      ///< complete ones since boot
+    uint32_t scans = 0;      ///< complete scans since boot
     uint8_t addresses[16]{}; ///< bit a % 8 of byte a / 8
-    bool stuck = false;      ///< a line is held low: the scan ended there
+    bool stuck = false;      ///< aborted: a line is held low
 };
 
 class I2cScan {
 public:
-    static constexpr uint8_t first_address = 0x08; ///< below and above the bus specification reserves addresses
+    static constexpr uint8_t first_address = 0x08; ///< addresses below and above are reserved
     static constexpr uint8_t last_address = 0x77;
 
     void start();
-    /// Give up; found() keeps the last complete scan. Only while no tick can run.
+    /// Abort; found() keeps the last complete scan. Only while no tick can run.
     void restart() { running_ = false; }
     bool running() const { return running_; }
     /// Once per tick in place of the motor driver.
@@ -36,7 +35,7 @@ private:
 
     bool running_ = false;
     bool in_flight_ = false;
-    uint8_t address_ = 0; ///< 0: the batch that the motor driver left on the wire
+    uint8_t address_ = 0; ///< 0: still the motor driver's batch
     uint8_t busy_ticks_ = 0;
     uint8_t answered_[16] = {};
     I2cFound found_;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file rest_watch.h  Does the robot stand still? Its wheels say so.
+/// @file rest_watch.h  Detects a robot at rest, by its wheels.
 #pragma once
 
 #include <cstddef>
@@ -11,9 +11,9 @@ namespace omni {
 
 class RestWatch {
 public:
-    /// From the tick. @param counts of OMNI_MAX_WHEELS encoders. @param now_us robot clock.
-    /// @return no wheel has moved since the start, or for rest_us.
-    bool look(const int32_t *counts, uint64_t now_us) {
+    /// Once per tick. @param counts of OMNI_MAX_WHEELS encoders. @param now_us robot clock.
+    /// @return true: no wheel has moved since the start, or for rest_us.
+    bool update(const int32_t *counts, uint64_t now_us) {
         bool moved = false;
         for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
             const uint32_t way = static_cast<uint32_t>(counts[i]) - static_cast<uint32_t>(at_[i]);
@@ -32,7 +32,7 @@ public:
 
 private:
     static constexpr uint64_t rest_us = 1'000'000;
-    static constexpr uint32_t flicker = 2; ///< counts by which a wheel at rest may differ
+    static constexpr uint32_t flicker = 2; ///< tolerance for a flickering encoder at rest [counts]
 
     int32_t at_[OMNI_MAX_WHEELS] = {};
     uint64_t since_us_ = 0;

@@ -20,7 +20,7 @@ int32_t input_parameter(int32_t input, int32_t wheels) {
     return input < wheels ? OMNI_PARAM_W1_IN1_CH + input : OMNI_PARAM_W1_IN2_CH + input - wheels;
 }
 
-/// @return the parameter that puts a second bridge input on a channel of the PWM chip, or -1.
+/// @return parameter that assigns a channel of the PWM chip twice, or -1.
 int32_t shared_channel(const omni_real_t *values) {
     const auto wheels = static_cast<int32_t>(values[OMNI_PARAM_WHEELS]);
     for (int32_t i = 0; i < 2 * wheels; ++i) {
@@ -48,7 +48,7 @@ omni_result_t make_robot_setup(RobotSetup &setup, const omni_real_t *values, int
     return *bad_index < 0 ? OMNI_OK : OMNI_ERR_RANGE;
 }
 
-void fallback_values(omni_real_t *values) {
+void fallback_parameters(omni_real_t *values) {
     omni_params_defaults(values);
     const auto wheels = static_cast<size_t>(values[OMNI_PARAM_WHEELS]);
     for (size_t i = 0; i < wheels; ++i) {

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file robot_setup.h  What a parameter set becomes for the tick: the core's configuration, and how the motors are
-/// wired.
+/// @file robot_setup.h  Setup of the tick derived from a parameter set: core configuration and motor wiring.
 #pragma once
 
 #include "app/base/core.h"
@@ -13,14 +12,14 @@ struct RobotSetup {
     Wiring wiring;
 };
 
-/// Build a setup, or say why these values make none.
-/// @param values OMNI_PARAM_COUNT entries. @param bad_index the parameter to blame, or -1.
+/// Build a setup from parameters.
+/// @param values OMNI_PARAM_COUNT entries. @param bad_index out: invalid parameter, or -1.
 /// @return OMNI_ERR_RANGE where two bridge inputs are on one channel of the PWM chip; otherwise as omni_robot_config().
 omni_result_t make_robot_setup(RobotSetup &setup, const omni_real_t *values, int32_t *bad_index);
 
-/// Values that make a setup on every board: the table's defaults with wheels evenly spread and wired apart. For a
-/// program that has no robot's values; nothing is known of the motors, so it must not drive. @param values out,
+/// Parameters that are valid on every board: defaults with evenly spaced wheels on separate channels. For a program
+/// without valid parameters of a robot; it must not drive. @param values out,
 /// OMNI_PARAM_COUNT entries.
-void fallback_values(omni_real_t *values);
+void fallback_parameters(omni_real_t *values);
 
 } // namespace omni

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: MIT
 #include "app/tick/stop_latch.h"
 
-#include "app/base/words.h"
+#include "app/base/u32_bytes.h"
 
 namespace omni {
 namespace {
@@ -9,7 +9,7 @@ namespace {
 constexpr uint32_t word_stopped = 0x504F5453;  // "STOP"
 constexpr uint32_t word_released = 0x454D4F43; // "COME"
 
-/// A memory that is too small makes every access fail.
+/// Offset of the record; with a memory that is too small every access fails.
 size_t place_in(Storage &storage) {
     const size_t size = storage.size();
     return size >= storage_tail ? size - latch_slots : size;
@@ -22,9 +22,9 @@ StopLatch::StopLatch(Storage &storage) : storage_(storage), store_(storage, plac
 StopLatch::AtBoot StopLatch::boot() {
     uint8_t content[latch_content] = {};
     const RecordStore::Result found = store_.load(content);
-    if (storage_.doubtful() || store_.damaged_slot()) {
+    if (storage_.may_hold_unreadable_data() || store_.damaged_slot()) {
         at_boot_ = AtBoot::unknown;
-    } else if (found == RecordStore::Result::ok && get_word(content) != word_released) {
+    } else if (found == RecordStore::Result::ok && read_u32(content) != word_released) {
         at_boot_ = AtBoot::stopped;
     } else {
         at_boot_ = AtBoot::released;
@@ -50,7 +50,7 @@ void StopLatch::serve(bool stopped, bool resting, bool hurry, uint64_t now_us) {
         return;
     }
     uint8_t content[latch_content];
-    put_word(content, stopped ? word_stopped : word_released);
+    write_u32(content, stopped ? word_stopped : word_released);
     failed_ = !store_.save(content);
     stored_ = failed_ ? stored_ : stopped;
     since_us_ = now_us;

@@ -1,14 +1,13 @@
 // SPDX-License-Identifier: MIT
-/// @file stop_latch.h  The emergency stop in non-volatile memory: it outlives reboots, crashes and power cuts. Only a
-/// release ends it.
+/// @file stop_latch.h  E-stop latch in non-volatile memory: survives reboots, crashes and power cuts; cleared by a
+/// release only.
 ///
-/// The motors stop first, then the memory is written: at once for a stop, `release_delay_us` after a release, and not
-/// while armed. So what is stored may be a stop that was released shortly before, never the other way round. Somebody
-/// who stops and releases all day wears the memory no more than twice per delay.
+/// The motors stop first, then the memory is written: at once for a stop, `release_delay_us` after a release, never
+/// while armed. So a power cut may restore a stop that was just released, never the reverse. The delay limits wear to
+/// two writes per `release_delay_us`.
 ///
-/// In doubt the robot comes up stopped. A slot that is neither erased nor valid was being written when the power went.
-/// A memory that cannot be read may hold a stop. What remains is a power cut before the first byte is written, less
-/// than a background pass after the stop.
+/// Fail-safe: a damaged slot (power cut while writing) or an unreadable memory counts as stopped. The remaining gap is
+/// a power cut before the first byte is written, less than a background pass after the stop.
 #pragma once
 
 #include "app/storage/record_store.h"
@@ -23,14 +22,13 @@ public:
 
     explicit StopLatch(Storage &storage);
 
-    /// Read the memory. @return unknown: nobody can tell, so it counts as stopped.
+    /// Read the memory. @return unknown: not readable, counts as stopped.
     AtBoot boot();
     AtBoot at_boot() const { return at_boot_; }
-    /// Once per background pass. @param stopped the motors are off and stay so until a release. @param resting
-    /// disarmed: the memory may be written. @param hurry a restart is due. @param now_us robot clock; it may start
-    /// over.
+    /// Once per background pass. @param stopped in e-stop. @param resting disarmed: the memory may be written. @param
+    /// hurry a restart is pending: write now. @param now_us robot clock; may restart.
     void serve(bool stopped, bool resting, bool hurry, uint64_t now_us);
-    /// The memory did not take the last stop or release; tried again every `retry_us`.
+    /// The last write failed; retried every `retry_us`.
     bool failed() const { return failed_; }
 
 private:
@@ -39,9 +37,9 @@ private:
     Storage &storage_;
     RecordStore store_;
     AtBoot at_boot_ = AtBoot::released;
-    bool stored_ = false; ///< the memory says stopped
+    bool stored_ = false; ///< state in memory: stopped
     bool failed_ = false;
-    uint64_t since_us_ = 0; ///< of the latest stop, or of the latest failure
+    uint64_t since_us_ = 0; ///< time of the latest stop or failure
 };
 
 } // namespace omni

@@ -6,7 +6,7 @@
 
 namespace omni {
 
-void TickJitter::started(uint64_t now_ns) {
+void TickJitter::record_start(uint64_t now_ns) {
     if (!begun_) {
         begun_ = true;
         due_ns_ = now_ns;

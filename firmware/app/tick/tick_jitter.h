@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file tick_jitter.h  How punctually ticks start: the spread of their distance to the grid of the tick period.
+/// @file tick_jitter.h  Tick jitter: peak-to-peak deviation of tick starts from the nominal grid.
 #pragma once
 
 #include <cstdint>
@@ -10,12 +10,12 @@ namespace omni {
 
 class TickJitter {
 public:
-    /// Forget everything, e.g. before another clock.
+    /// Reset, for example after a change of the clock.
     void restart() { *this = TickJitter(); }
-    /// A tick starts. @param now_ns free-running clock.
-    void started(uint64_t now_ns);
-    /// Latest minus earliest start, each relative to its place in the grid, in the last complete window of ticks [us].
-    /// Missed ticks count as one that came as late as the first of them was due. 0 until a window is complete.
+    /// Record the start of a tick. @param now_ns free-running clock.
+    void record_start(uint64_t now_ns);
+    /// Latest minus earliest start relative to the grid, in the last complete window of ticks [us]. Missed ticks count
+    /// as one that is late since the first of them was due. 0 until a window is complete.
     float max_us() const { return max_us_; }
 
     static constexpr uint32_t window_ticks = 1000;

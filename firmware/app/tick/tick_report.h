@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file tick_report.h  What the background gets to know of a tick.
+/// @file tick_report.h  Report of a tick for the background.
 #pragma once
 
 #include <cstdint>
@@ -10,20 +10,20 @@
 
 namespace omni {
 
-/// What became of a pose fix. OMNI_FIX_RESULT has these numbers.
+/// Result of a pose fix; values of OMNI_FIX_RESULT.
 enum class FixUse : uint8_t {
     none,     ///< no fix yet
-    used,     ///< the estimate has taken it in
-    too_far,  ///< refused: it contradicts the estimate (EKF_GATE)
-    unusable, ///< refused: too old, out of order, ahead of the robot's clock, or no number
-    ignored   ///< the robot takes no fixes: EKF_MODE is odometry
+    used,     ///< used by the estimator
+    too_far,  ///< refused by the gate (EKF_GATE)
+    unusable, ///< refused: too old, out of order, ahead of the robot's clock, or not finite
+    ignored   ///< ignored: EKF_MODE is odometry
 };
 
-/// A pose fix that a tick has looked at.
+/// Pose fix processed by a tick.
 struct FixReport {
     omni_pose_t pose{};
-    uint32_t number = 0; ///< which one it is, counted from 1; 0: none yet
-    float age_s = 0.0f;  ///< how old it was then; negative: ahead of the robot's clock
+    uint32_t number = 0; ///< sequence number from 1; 0: none yet
+    float age_s = 0.0f;  ///< age at arrival; negative: ahead of the robot's clock
     FixUse use = FixUse::none;
 };
 
@@ -36,14 +36,14 @@ struct TickReport {
     float battery_V = 0.0f;    ///< as measured
     float tick_us_mean = 0.0f; ///< of the last complete window of ticks
     float tick_us_max = 0.0f;
-    float tick_jitter_us_max = 0.0f; ///< spread of the ticks' starts in that window; 0 in host-in-the-loop
-    uint32_t last_tick_ns = 0;       ///< how long the tick before took; only while a burst is recorded
-    uint64_t fix_us = 0;             ///< when the last pose fix that was used came; 0: none since the pose was set
+    float tick_jitter_us_max = 0.0f; ///< TickJitter in that window; 0 in hardware-in-the-loop
+    uint32_t last_tick_ns = 0;       ///< duration of the previous tick; only during a burst
+    uint64_t fix_us = 0;             ///< arrival of the last used pose fix; 0: none since the pose was set
     float noise_factor = 1.0f;       ///< lambda of the pose filter, omni/pose_ekf.h
     float fix_factor = 1.0f;         ///< rho
-    uint32_t fix_restarts = 0;       ///< restarts of the pose filter from refused fixes that agree with each other
+    uint32_t fix_restarts = 0;       ///< restarts of the pose filter from consistent refused fixes
     int32_t counts[OMNI_MAX_WHEELS] = {};
-    uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< 1e-6 V s put on the motors before this tick, modulo 2^32
+    uint32_t volt_us[OMNI_MAX_WHEELS] = {}; ///< integral of the motor voltages before this tick [1e-6 V s], modulo 2^32
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
     I2cStats i2c;
     I2cFound i2c_found;

@@ -32,7 +32,7 @@ constexpr uint32_t idle_us = 250'000;
 /// The last words before a reboot are waited for this long.
 constexpr uint64_t farewell_us = 200'000;
 
-alignas(8) uint8_t burst_memory[usual_burst_bytes];
+alignas(8) uint8_t burst_memory[default_burst_bytes];
 
 class Machine {
 public:

@@ -25,7 +25,7 @@ constexpr const char *help =
     "                   --robot it changes single values\n"
     "  --links N        speak MAVLink on the first N serial ports, 1 to 4 (default 1)\n"
     "  --storage FILE   keep stored parameters there (default: forgotten at the end)\n"
-    "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+    "  --lockstep       hardware-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
     "  --console-link   with --lockstep: the last link is the emulator's standard input and output, which is much\n"
     "                   faster; give --log too\n"
     "  --pins           encoders, I2C, supply and a first serial line are simulated by the host, over the emulator's\n"

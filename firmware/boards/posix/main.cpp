@@ -12,7 +12,7 @@
 #include "boards/posix/options.h"
 #include "boards/posix/parts.h"
 #include "boards/posix/ports.h"
-#include "omni_link/patience.h"
+#include "omni_link/poll_backoff.h"
 
 namespace omni {
 namespace {
@@ -40,7 +40,7 @@ constexpr int idle_ms = 250;
 /// Waits in lockstep after which new clients and what waits to be sent are looked after, however fast the host is.
 constexpr uint32_t waits_per_service = 64;
 
-alignas(8) uint8_t burst_memory[usual_burst_bytes];
+alignas(8) uint8_t burst_memory[default_burst_bytes];
 
 class Process {
 public:
@@ -74,7 +74,7 @@ private:
     PosixPort *ports_[Board::max_ports] = {};
     Board board_;
     std::optional<App> app_;
-    omni_patience_t patience_{};
+    omni_poll_backoff_t patience_{};
     bool sleeps_ = false;
     uint32_t waits_ = 0;
     uint64_t boot_ns_ = 0;
@@ -201,12 +201,12 @@ uint64_t Process::received() const {
 
 /// Serve the links until something comes, for a short while. @return true if it did, and has been seen to.
 bool Process::look_for_host() {
-    constexpr uint64_t enough_ns = OMNI_PATIENCE_LOOK_us * uint64_t{1000};
+    constexpr uint64_t enough_ns = OMNI_POLL_MAX_us * uint64_t{1000};
     const uint64_t begin_ns = clock_.stopwatch_ns();
     const uint64_t before = received();
     app_->background();
     while (received() == before && clock_.stopwatch_ns() - begin_ns < enough_ns) {
-        omni_patience_pause();
+        omni_poll_pause();
         app_->background();
     }
     return received() != before;
@@ -216,7 +216,7 @@ bool Process::look_for_host() {
 void Process::obey_host() {
     if (app_->host_sleeps() != sleeps_) {
         sleeps_ = !sleeps_;
-        omni_patience_init(&patience_, !sleeps_);
+        omni_poll_backoff_init(&patience_, !sleeps_);
     }
 }
 
@@ -225,13 +225,13 @@ void Process::await_host(int timeout_ms) {
         wait(0);
     }
     obey_host();
-    const bool looks = omni_patience_looks(&patience_);
+    const bool looks = omni_poll_backoff_should_poll(&patience_);
     const uint64_t begin_ns = clock_.stopwatch_ns();
     const bool served = looks && look_for_host();
     if (!served) {
         wait(timeout_ms);
     }
-    omni_patience_learn(&patience_, looks, (clock_.stopwatch_ns() - begin_ns) / 1000);
+    omni_poll_backoff_record(&patience_, looks, (clock_.stopwatch_ns() - begin_ns) / 1000);
     if (!served) {
         app_->background();
     }
@@ -251,12 +251,12 @@ void Process::run_due_ticks() {
 }
 
 int Process::run() {
-    omni_patience_init(&patience_, true);
+    omni_poll_backoff_init(&patience_, true);
     start_app();
     while (stop_wanted == 0) {
         if (options_.lockstep) {
             await_host(idle_ms);
-        } else if (app_->hosted()) {
+        } else if (app_->uses_host_sensors()) {
             await_host(1);
             run_due_ticks();
         } else {

@@ -23,7 +23,7 @@ constexpr const char *help =
     "  --radio N        that link, 1..4, is a radio: a signing key closes it, and its line is as slow as LINK2_BAUD "
     "(only\n"
     "                   link 2); 0: no link is (default: 2, as fast as it goes)\n"
-    "  --lockstep       host-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
+    "  --lockstep       hardware-in-the-loop from the start: one control tick per OMNI_HIL_SENSORS message\n"
     "  --end-with-stdin end when standard input does: with a pipe there, with the program that started it, even if "
     "that\n"
     "                   one is killed\n"

@@ -49,7 +49,7 @@ public:
     bool write(size_t offset, const uint8_t *data, size_t length) override;
     /// No bank is valid, yet the sectors are not blank: a supply too low to read, a first write cut short, or another
     /// program's.
-    bool doubtful() override { return doubtful_; }
+    bool may_hold_unreadable_data() override { return doubtful_; }
     /// Erases since begin(): each kept interrupts off for up to 400 ms.
     uint32_t late_erases() const { return late_erases_; }
 

@@ -90,7 +90,7 @@ public:
     bool submit(const I2cTransaction *batch, size_t count) override;
     /// A batch longer than twice its time on the wire plus 0.5 ms is given up as stuck. So is one that lost the bus.
     I2cStatus poll(uint8_t *read) override;
-    uint32_t patience_us() override { return allowed_us_; }
+    uint32_t max_busy_us() override { return allowed_us_; }
     void recover() override;
     /// A batch that lost the bus counts as a time-out here.
     I2cStats stats() override;

@@ -27,7 +27,7 @@ namespace omni {
 namespace {
 
 /// In RAM2: ITCM and DTCM are for what the tick needs at once.
-alignas(8) DMAMEM uint8_t burst_memory[usual_burst_bytes];
+alignas(8) DMAMEM uint8_t burst_memory[default_burst_bytes];
 
 constexpr bool battery_wired = wiring::battery_pin >= 0;
 /// omni flash finds this in a .hex file by its words (host/omniwheel/flashing/hex_file.py) before it uploads it.

@@ -6,7 +6,7 @@
 
 #include <cstring>
 
-#include "app/base/cold.h"
+#include "app/base/flash_code.h"
 #include "boards/teensy40/processor.h"
 
 namespace omni {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file dispersion.h
- * Quantities of the world that differ from run to run: a run's world is a pure function of scenario and seed.
+ * Random variation of the world's parameters per run, as a pure function of scenario and seed.
  */
 #ifndef HIL_SIM_DISPERSION_H
 #define HIL_SIM_DISPERSION_H
@@ -10,10 +10,10 @@
 
 typedef enum hil_dispersion_kind_t {
     HIL_DISPERSION_UNIFORM = 0, /**< deviation between a and b */
-    HIL_DISPERSION_NORMAL       /**< deviation of mean a and standard deviation b, drawn again beyond 3 of them */
+    HIL_DISPERSION_NORMAL       /**< deviation of mean a and standard deviation b, truncated at 3 standard deviations */
 } hil_dispersion_kind_t;
 
-/** How one quantity deviates. Several for the same field add up in their order. */
+/** Deviation of one quantity. Several for one field are added in order. */
 typedef struct hil_dispersion_t {
     uint32_t offset; /**< of the first double in hil_world_config_t */
     uint32_t count;  /**< doubles from there on, each with its own draw */
@@ -24,10 +24,11 @@ typedef struct hil_dispersion_t {
     double b;
 } hil_dispersion_t;
 
-/** The stream of a quantity by its name: the same whatever else varies, apart from all streams of the world itself. */
+/** Random stream of a quantity, from its name: independent of other quantities and of the world's own streams. */
 uint32_t hil_dispersion_stream(const char *name);
 
-/** Give the world of this seed its numbers. */
-void hil_disperse(hil_world_config_t *config, const hil_dispersion_t *dispersion, uint32_t count, uint64_t seed);
+/** Apply the deviations of this seed to a configuration. */
+void hil_apply_dispersion(hil_world_config_t *config, const hil_dispersion_t *dispersion, uint32_t count,
+                          uint64_t seed);
 
 #endif

@@ -4,10 +4,10 @@
  * Mean behaviour of a DRV8871 H-bridge over one PWM period. Truth table (IN1 IN2): 00 coast, 10 forward, 01 reverse, 11
  * brake.
  *
- * While a side drives or brakes, the winding sees +supply, -supply or 0, so the mean voltage is linear in the shares
- * (drive-brake). While both inputs are low the winding is open. Its current returns through the body diodes into the
- * supply until it is zero. Then the motor turns freely. Drive-coast is therefore not linear: the mean follows from
- * when the current dies within the period.
+ * While a side drives or brakes, the winding has +supply, -supply or 0, so the mean voltage is linear in the duties
+ * (drive-brake). While both inputs are low the winding is open. Its current
+ * decays through the body diodes into the supply; then the motor runs freely. So drive-coast is not linear: the mean
+ * depends on when the current reaches zero within the period.
  */
 #ifndef HIL_SIM_DRV8871_H
 #define HIL_SIM_DRV8871_H
@@ -16,7 +16,7 @@
 
 #include "hil_sim/real.h"
 
-/** Shares of a PWM period. */
+/** Fractions of a PWM period. */
 typedef struct hil_drv8871_t {
     hil_real_t drive; /**< forward minus reverse, -1..1 */
     hil_real_t coast; /**< both inputs low, 0..1 */
@@ -31,8 +31,8 @@ typedef struct hil_winding_t {
 } hil_winding_t;
 
 /**
- * Take over the inputs: share of the period each is high and phase of its rising edge, all 0..1. A bridge that coasts
- * for more than 1 ms of a period falls asleep. It loses its waking time at the start of the next drive.
+ * Set the inputs: duty cycle of each and phase of its rising edge, all 0..1. A bridge that coasts for more than 1 ms of
+ * a period enters sleep mode; the wake-up time is then lost at the start of the next drive.
  */
 void hil_drv8871_inputs(hil_drv8871_t *bridge, hil_real_t in1, hil_real_t phase1, hil_real_t in2, hil_real_t phase2,
                         double period_s);
@@ -40,12 +40,12 @@ void hil_drv8871_inputs(hil_drv8871_t *bridge, hil_real_t in1, hil_real_t phase1
 /** Is the winding open for the whole period? */
 bool hil_drv8871_open(const hil_drv8871_t *bridge);
 
-/** Mean winding voltage [V] over a period in the steady state; while the winding is open it counts as its back EMF. */
+/** Mean winding voltage [V] over a period in the steady state; an open winding has its back EMF. */
 hil_real_t hil_drv8871_mean_V(const hil_drv8871_t *bridge, const hil_winding_t *winding, hil_real_t supply_V);
 
 /**
- * Let the current of an open winding die for `time_s`. @param current_A in and out. @return mean current [A] over that
- * time.
+ * Freewheeling: decay of the current of an open winding over `time_s`. @param current_A in and out. @return mean
+ * current [A] over that time.
  */
 hil_real_t hil_drv8871_freewheel(const hil_winding_t *winding, hil_real_t supply_V, hil_real_t time_s,
                                  hil_real_t *current_A);

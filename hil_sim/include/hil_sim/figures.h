@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file figures.h
- * What a run comes to: one row of numbers.
+ * Figures of merit of a run: one row of numbers.
  */
 #ifndef HIL_SIM_FIGURES_H
 #define HIL_SIM_FIGURES_H
@@ -10,13 +10,13 @@
 
 /**
  * Tracking (truth - reference), estimate (estimate - truth) and effort are those of the path: armed, phase PATH; NaN if
- * there was no such tick. Everything before `completed` says which run this is.
+ * there was no such tick. Members before `completed` identify the run.
  */
 typedef struct hil_figures_t {
     uint64_t seed;
     uint64_t ticks;             /**< run, with the 100 after the final disarm */
     uint32_t status;            /**< hil_run_status_t */
-    uint32_t faults;            /**< omni_fault_t bits seen since arming; of a run that could not start: why */
+    uint32_t faults;            /**< omni_fault_t bits seen since arming; of a run that could not start: the cause */
     double completed;           /**< 1: the trajectory was driven to its end, 0: not */
     double x_m;                 /**< root mean square of the tracking error */
     double y_m;                 /**< likewise */
@@ -30,16 +30,15 @@ typedef struct hil_figures_t {
     double estimate_y_m;        /**< likewise */
     double estimate_theta_rad;  /**< likewise */
     double estimate_position_m; /**< sqrt(estimate_x_m^2 + estimate_y_m^2) */
-    double nis;              /**< mean normalised innovation squared of the accepted fixes; 3 if the filter is right */
+    double nis;              /**< mean normalised innovation squared of the accepted fixes; 3 for a consistent filter */
     double peak_wheel_rad_s; /**< fastest true wheel speed */
     double peak_duty;        /**< largest duty, 0..1 */
     double rms_duty;         /**< root mean square of all wheels' duties */
-    double saturated_share;  /**< share of the ticks in which wheel speeds or voltages were cut */
+    double saturated_share;  /**< fraction of ticks with saturated wheel speeds or voltages */
     double chatter;          /**< mean change of a duty from tick to tick over the mean duty, both absolute */
 } hil_figures_t;
 
-/** Fill in what the metrics say; seed, ticks and status are left alone. `completed` is 0 unless the path's end was
- * reached. */
-void hil_figures_of(hil_figures_t *figures, const hil_metrics_t *metrics, uint32_t wheels);
+/** Compute the figures from metrics; seed, ticks and status are not changed. */
+void hil_figures_from_metrics(hil_figures_t *figures, const hil_metrics_t *metrics, uint32_t wheels);
 
 #endif

@@ -2,20 +2,19 @@
 /**
  * @file filter_study.h
  * The four filter combinations of the report's Tables 5 and 7 (eq. 45-81) on one simulated robot: truth and noise are
- * this file's own, in double precision; controller and filters are the control core's.
+ * simulated here in double precision; controller and filters are the control core's.
  *
  * One step of length T: ISMC on one estimate -> voltage per wheel -> motors with noise -> measured wheel speeds,
- * filtered or not -> pose with noise. A pose fix and four estimates follow. The voltage is the wanted wheel speed, one
- * volt per rad/s, as the report feeds its motors. Wheels sit evenly spaced and drive without slip. A run is a pure
- * function of its configuration and seed. Whether it goes alone or with others, and on what processor, cannot be
- * seen in its bits.
+ * filtered or not -> pose with noise. A pose fix and four estimates follow. The voltage is the wheel speed
+ * command, one volt per rad/s, as in the report. Wheels are evenly spaced and do not slip. A run is a pure function of
+ * configuration and seed, bit-identical in lanes and on every processor.
  */
 #ifndef HIL_SIM_FILTER_STUDY_H
 #define HIL_SIM_FILTER_STUDY_H
 
 #include <stdint.h>
 
-/** What is done with wheel speeds and fixes: the columns of Table 7. */
+/** Filter combination: columns of Table 7. */
 typedef enum hil_filter_t {
     HIL_FILTER_NONE = 0, /**< wheel speeds without a filter, integrated */
     HIL_FILTER_KF,       /**< wheel speeds of the motor filters, integrated */
@@ -27,20 +26,20 @@ typedef enum hil_filter_t {
 /** Wheel speeds that move the true pose. */
 typedef enum hil_filter_drive_t {
     HIL_FILTER_DRIVE_TRUE = 0, /**< the true ones */
-    HIL_FILTER_DRIVE_ESTIMATE  /**< what the motor filters estimate: the truth follows the filter */
+    HIL_FILTER_DRIVE_ESTIMATE  /**< the motor filters' estimate: the truth follows the filter */
 } hil_filter_drive_t;
 
-/** Wheel speeds that stand for "no filter". */
+/** Wheel speeds used for "no filter". */
 typedef enum hil_filter_raw_t {
     HIL_FILTER_RAW_MEASURED = 0, /**< the measured ones */
     HIL_FILTER_RAW_OPEN_LOOP     /**< the motor model's without noise and without measurements */
 } hil_filter_raw_t;
 
-/** What a pose fix is: z = pose + v. */
+/** Pose fix z = pose + v. */
 typedef enum hil_filter_fix_t {
-    HIL_FILTER_FIX_FRESH = 0, /**< pose of now */
-    HIL_FILTER_FIX_STALE,     /**< pose of the step before, stamped as of now */
-    HIL_FILTER_FIX_LATE,      /**< pose of the step before, stamped so */
+    HIL_FILTER_FIX_FRESH = 0, /**< current pose */
+    HIL_FILTER_FIX_STALE,     /**< pose of the previous step, with the current time stamp */
+    HIL_FILTER_FIX_LATE,      /**< pose of the previous step, with its time stamp */
     HIL_FILTER_FIX_OWN        /**< each EKF's own prediction: no measurement at all */
 } hil_filter_fix_t;
 
@@ -56,9 +55,9 @@ typedef struct hil_filter_config_t {
     double motor_q[2];     /**< true variances per step of w and i: (rad/s)^2, A^2 */
     double motor_r;        /**< true variance of a measured wheel speed, (rad/s)^2 */
     double pose_q[2];      /**< true variances per step of x, y [m^2] and theta [rad^2] */
-    double fix_r[2];       /**< true variances of a fix of x, y [m^2] and theta [rad^2]; also what the EKF believes */
-    double kf_q[2];        /**< what the motor filters believe of motor_q; of motor_r they know the truth */
-    double ekf_q[2][2];    /**< variances per step that the EKF believes, x, y and theta: [0] without, [1] with motor
+    double fix_r[2];       /**< true variances of a fix of x, y [m^2] and theta [rad^2]; also assumed by the EKF */
+    double kf_q[2];        /**< motor_q as assumed by the motor filters; motor_r is known */
+    double ekf_q[2][2];    /**< process noise per step assumed by the EKF, x, y and theta: [0] without, [1] with motor
                               filters */
     double ismc_lambda[3]; /**< 1/s */
     double ismc_k[3];      /**< m/s, m/s, rad/s */
@@ -68,10 +67,10 @@ typedef struct hil_filter_config_t {
     uint32_t fix;          /**< hil_filter_fix_t */
 } hil_filter_config_t;
 
-/** What came of one run. Axes are x [m], y [m], theta [rad]; errors are estimate - truth. */
+/** Result of one run. Axes are x [m], y [m], theta [rad]; errors are estimate - truth. */
 typedef struct hil_filter_result_t {
     double rmse[HIL_FILTER_COUNT][3];
-    double closer[HIL_FILTER_COUNT]; /**< share of the steps whose estimate is closer to the origin than the truth */
+    double closer[HIL_FILTER_COUNT]; /**< fraction of the steps whose estimate is closer to the origin than the truth */
     double final_error[HIL_FILTER_COUNT][3]; /**< after the last step */
     double final_p[2][3][3];                 /**< the covariances of the EKFs then: without, with motor filters */
     double nis[2];      /**< normalised innovation squared of the EKFs, mean over the steps: 3 degrees of freedom */
@@ -88,7 +87,7 @@ typedef struct hil_filter_sample_t {
     double voltage_V[4];
     double wheel_true[4];     /**< rad/s */
     double wheel_measured[4]; /**< rad/s */
-    double wheel_raw[4];      /**< what "no filter" takes, rad/s */
+    double wheel_raw[4];      /**< used for "no filter", rad/s */
     double wheel_filtered[4]; /**< rad/s */
 } hil_filter_sample_t;
 
@@ -102,7 +101,7 @@ typedef struct hil_filter_sample_t {
 int32_t hil_filter_study(const hil_filter_config_t *config, const double *reference, const double *rate, uint64_t seed,
                          hil_filter_result_t *result, hil_filter_sample_t *samples);
 
-/** How runs are computed. */
+/** Instruction set for the computation. */
 typedef enum hil_filter_path_t {
     HIL_FILTER_PATH_BEST = 0, /**< the fastest of the others on this processor */
     HIL_FILTER_PATH_SINGLE,   /**< one by one */

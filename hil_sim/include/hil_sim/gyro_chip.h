@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file gyro_chip.h
- * Register models of gyros' chips at their I2C pins, written from their data sheets.
+ * Register models of gyro chips at their I2C pins, from their data sheets.
  *
- * Whoever plays the world tells a chip time and turn rates (hil_gyro_chip_sense); whoever plays the bus hands on START,
- * bytes and STOP. A chip measures at its data rate, by the time it is told. Its filters do nothing: the world's rates
- * are those behind them. What is special to each chip stands at the head of its source: icm42688.c, lsm6dso.c,
- * bmi270.c.
+ * The world provides time and angular rates (hil_gyro_chip_sense), the bus START, bytes and STOP. A chip samples at its
+ * data rate. Its filters are not modelled: the world's rates are those after the filters. Chip-specific notes are in
+ * icm42688.c, lsm6dso.c and bmi270.c.
  *
  * Not modelled: accelerometers, FIFOs, interrupt pins, SPI, I3C, self-test, the motion functions.
  */
@@ -27,20 +26,20 @@ typedef enum hil_gyro_kind_t {
     HIL_GYRO_KINDS
 } hil_gyro_kind_t;
 
-/** What is wrong with it; all zero: nothing. */
+/** Faults; all zero: none. */
 typedef struct hil_gyro_faults_t {
-    bool absent;       /**< not there: it acknowledges nothing */
-    bool silent;       /**< it answers, but the gyro never starts */
-    bool stuck;        /**< it goes on giving the reading before the fault, and says that it is new */
-    bool refuses;      /**< it does not take its configuration file, if it needs one */
+    bool absent;       /**< no acknowledge */
+    bool silent;       /**< it responds, but the gyro never starts */
+    bool stuck;        /**< it repeats the last reading, flagged as new */
+    bool refuses;      /**< it rejects its configuration file, if it needs one */
     uint8_t other_id;  /**< another chip's identity; 0: its own */
     double bit_errors; /**< probability that a byte from it has one bit wrong */
     uint64_t seed;     /**< of those */
 } hil_gyro_faults_t;
 
-/** What it was told since the last START. */
+/** Bus state since the last START. */
 typedef enum hil_gyro_talk_t {
-    HIL_GYRO_SILENT = 0, /**< nothing that concerns it */
+    HIL_GYRO_SILENT = 0, /**< not addressed */
     HIL_GYRO_ADDRESSED,  /**< its address, for writing: the register comes next */
     HIL_GYRO_WRITTEN,    /**< register and perhaps bytes */
     HIL_GYRO_READ        /**< its address, for reading */
@@ -53,25 +52,25 @@ typedef struct hil_gyro_chip_t {
     uint8_t pointer; /**< register that the next byte goes to or comes from */
     uint8_t talk;    /**< hil_gyro_talk_t */
     uint64_t time_us;
-    uint64_t reset_until_us;  /**< it resets itself: it acknowledges nothing */
-    uint64_t locked_until_us; /**< nothing may be written */
-    uint64_t starts_until_us; /**< the gyro has been switched on: no readings yet */
-    uint64_t loads_until_us;  /**< it works on its configuration file */
+    uint64_t reset_until_us;  /**< end of a reset, without acknowledge */
+    uint64_t locked_until_us; /**< writes are not allowed until then */
+    uint64_t starts_until_us; /**< end of the gyro's start-up */
+    uint64_t loads_until_us;  /**< end of processing the configuration file */
     uint64_t next_sample_us;
     int16_t sample[HIL_GYRO_AXES]; /**< the newest; a chip may keep older ones in its registers */
     uint8_t held;                  /**< bit per axis: half of its reading has been read */
     uint8_t upload[HIL_GYRO_UPLOAD];
     uint8_t uploaded[HIL_GYRO_UPLOAD / 8]; /**< bit per byte: it has been written */
-    uint32_t ignored_writes;               /**< to read-only registers, or at a time when nothing may be written */
-    uint64_t bytes_given;                  /**< counts the bits to be drawn */
+    uint32_t ignored_writes;               /**< writes to read-only registers or while locked */
+    uint64_t bytes_given;                  /**< index of the random bit errors */
     hil_gyro_faults_t faults;
 } hil_gyro_chip_t;
 
-/** Power-up: registers as after reset. Time and faults stay. `*chip` must be initialised, to zero at first.
+/** Power-up reset. Keeps time and faults. `*chip` must be initialised, to zero at first.
  *  @param kind hil_gyro_kind_t. */
 void hil_gyro_chip_reset(hil_gyro_chip_t *chip, uint8_t kind, uint8_t address);
 
-/** Time goes on. @param time_us must not go back. @param rad_s turn rates about its x, y, z. */
+/** Advance the time. @param time_us monotonic. @param rad_s angular rates about x, y, z. */
 void hil_gyro_chip_sense(hil_gyro_chip_t *chip, uint64_t time_us, const double *rad_s);
 
 /** START or repeated START and an address byte. @param address 7 bit. @return true if acknowledged. */

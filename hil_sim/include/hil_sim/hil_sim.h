@@ -1,17 +1,17 @@
 /* SPDX-License-Identifier: MIT */
-/** @file hil_sim.h  The whole simulated world. */
+/** @file hil_sim.h  All headers of the simulated world. */
 #ifndef HIL_SIM_HIL_SIM_H
 #define HIL_SIM_HIL_SIM_H
 
 #include "hil_sim/batch.h"
 #include "hil_sim/dispersion.h"
 #include "hil_sim/drv8871.h"
+#include "hil_sim/external.h"
 #include "hil_sim/figures.h"
 #include "hil_sim/filter_study.h"
 #include "hil_sim/lanes.h"
 #include "hil_sim/metrics.h"
 #include "hil_sim/milestones.h"
-#include "hil_sim/outside.h"
 #include "hil_sim/pca9685.h"
 #include "hil_sim/player.h"
 #include "hil_sim/random.h"

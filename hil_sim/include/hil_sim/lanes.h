@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file lanes.h
- * Eight runs at once: world, robot and figures in the lanes of vectors, the same bits as one by one.
+ * SIMD lanes: eight runs at once (world, robot, metrics), bit-identical to single runs.
  */
 #ifndef HIL_SIM_LANES_H
 #define HIL_SIM_LANES_H
@@ -9,41 +9,41 @@
 #include "hil_sim/run.h"
 
 /**
- * As hil_run_advance for each of eight runs, bit for bit. They share one flow of control; where their data would part
- * it, each goes on by itself for some ticks. Fewer than eight: the first again and again after the last.
- * @return `ticks`; 0, nothing done, if the runs differ at the start in more than numbers (states, faults, wheels, times
- * ...), record, or find no memory.
+ * hil_run_advance for eight runs, bit-identical. They share one control flow; where it would diverge, the runs are
+ * advanced one by one for some ticks. For fewer than eight runs repeat the first one.
+ * @return `ticks`; 0 (nothing done) if the runs differ at the start in more than numbers (states, faults, wheels, times
+ * ...), have a record, or memory is short.
  */
 uint64_t hil_lanes_advance(hil_run_t *const runs[8], uint64_t ticks);
 
-/** What came of it; ticks are those of one run. */
+/** Statistics; ticks are those of one run. */
 typedef struct hil_lanes_stats_t {
-    uint64_t together; /**< ticks done in lanes, each of them for eight runs */
-    uint64_t again;    /**< ticks in lanes that were thrown away or done twice */
-    uint64_t alone;    /**< ticks done run by run, each of them for eight runs */
-    uint64_t parted;   /**< times that the lanes parted */
-    uint64_t packed;   /**< times that runs were put into lanes */
-    uint64_t refused;  /**< times that they could not be */
+    uint64_t lane_ticks;     /**< ticks in lanes, for eight runs each */
+    uint64_t repeated_ticks; /**< ticks in lanes that were discarded or repeated */
+    uint64_t scalar_ticks;   /**< ticks run by run, for eight runs each */
+    uint64_t divergences;    /**< number of divergences */
+    uint64_t packed;         /**< number of packings into lanes */
+    uint64_t pack_failures;  /**< number of failed packings */
 } hil_lanes_stats_t;
 
-/** What to use: HIL_LANES_BEST of this processor unless said otherwise, for tests and benchmarks; of the whole process.
- */
+/** Instruction set, for tests and benchmarks; default HIL_LANES_BEST. */
 typedef enum hil_lanes_level_t {
     HIL_LANES_NONE = 0, /**< hil_lanes_advance does nothing */
-    HIL_LANES_BASELINE, /**< what every processor of this kind has */
+    HIL_LANES_BASELINE, /**< baseline of the architecture */
     HIL_LANES_AVX2,     /**< with AVX2 at most, on x86-64 */
     HIL_LANES_BEST      /**< with AVX-512, too */
 } hil_lanes_level_t;
 
-void hil_lanes_use(hil_lanes_level_t level);
+/** Set the instruction set of the whole process. */
+void hil_lanes_set_level(hil_lanes_level_t level);
 
-/** Whether HIL_LANES_AVX2 is more than HIL_LANES_BASELINE here. */
+/** Is AVX2 available? */
 bool hil_lanes_has_avx2(void);
 
-/** Whether HIL_LANES_BEST is more than HIL_LANES_AVX2 here. */
+/** Is AVX-512 available? */
 bool hil_lanes_has_avx512(void);
 
-/** Of the calling thread since its last call of this. */
+/** Read and clear the statistics of the calling thread. */
 void hil_lanes_take_stats(hil_lanes_stats_t *stats);
 
 #endif

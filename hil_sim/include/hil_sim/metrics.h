@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file metrics.h
- * What metrics.py computes from a run's record, summed up tick by tick instead. So thousands of runs need no records.
- * figures.h makes numbers of it.
+ * Metrics of a run accumulated tick by tick, equal to those of metrics.py from a record. Why: thousands of runs need no
+ * records. figures.h derives the figures.
  */
 #ifndef HIL_SIM_METRICS_H
 #define HIL_SIM_METRICS_H
@@ -27,7 +27,7 @@ typedef struct hil_metrics_t {
     hil_real_t duty_square;
     hil_real_t duty_change; /**< absolute, from one of these ticks to the next, over the wheels */
     hil_real_t duty_last[HIL_MAX_WHEELS];
-    hil_real_t cut_ticks;      /**< ticks in which wheel speeds or voltages were cut */
+    hil_real_t cut_ticks;      /**< ticks with saturated wheel speeds or voltages */
     hil_real_t nis;            /**< normalised innovation squared, of the accepted fixes */
     hil_real_t fixes;          /**< how many those were */
     hil_real_t fixes_last;     /**< omni_outputs_t.fixes_accepted of the last tick */
@@ -39,7 +39,7 @@ typedef struct hil_metrics_t {
 
 void hil_metrics_init(hil_metrics_t *metrics);
 
-/** Add a tick: after the robot's decision, before the world's step, as rows of a record are. */
+/** Add a tick: after the robot's tick, before the world's step, like rows of a record. */
 void hil_metrics_tick(hil_metrics_t *metrics, const hil_world_t *world, const omni_outputs_t *outputs);
 
 #endif

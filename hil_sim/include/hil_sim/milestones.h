@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** @file milestones.h  The moments of a run that its timeline and its figures depend on. */
+/** @file milestones.h  Milestones of a run: start and end of the path, stop. */
 #ifndef HIL_SIM_MILESTONES_H
 #define HIL_SIM_MILESTONES_H
 

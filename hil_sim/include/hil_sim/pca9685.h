@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pca9685.h
- * Register model of the PCA9685 PWM chip (NXP datasheet rev. 4), fed with the bytes of I2C transactions.
+ * Register model of the PCA9685 PWM chip (NXP datasheet rev. 4), driven by I2C transactions.
  *
- * The chip has no clock here: the 500 us that its oscillator takes to start are not modelled. Outputs follow the PWM
+ * Not modelled: the oscillator's start-up time of 500 us. Outputs follow the PWM
  * registers on STOP, or with MODE2.OCH = 1 on the acknowledge of a channel's last byte. The mode registers act at
  * once. EXTCLK stops the outputs: nothing drives that pin.
  */
@@ -15,9 +15,9 @@
 
 enum { HIL_PCA9685_CHANNELS = 16, HIL_PCA9685_OUTPUT_BYTES = 64 };
 
-/** What the chip was told since the last START. */
+/** Bus state since the last START. */
 typedef enum hil_pca9685_talk_t {
-    HIL_PCA9685_SILENT = 0,    /**< nothing that concerns it: it acknowledges nothing */
+    HIL_PCA9685_SILENT = 0,    /**< not addressed */
     HIL_PCA9685_ADDRESSED,     /**< its address, for writing: the register comes next */
     HIL_PCA9685_WRITTEN,       /**< register and perhaps bytes */
     HIL_PCA9685_READ,          /**< its address, for reading */
@@ -28,8 +28,8 @@ typedef enum hil_pca9685_talk_t {
 typedef struct hil_pca9685_t {
     uint8_t address; /**< 7 bit */
     uint8_t registers[256];
-    uint8_t pointer;         /**< register the next byte goes to */
-    bool output_enable_high; /**< level of the OE pin: high switches the outputs to what MODE2.OUTNE says */
+    uint8_t pointer;                           /**< register the next byte goes to */
+    bool output_enable_high;                   /**< level of the OE pin: high: outputs as defined by MODE2.OUTNE */
     uint8_t outputs[HIL_PCA9685_OUTPUT_BYTES]; /**< LED0_ON_L .. LED15_OFF_H as the outputs follow them */
     uint8_t talk;                              /**< hil_pca9685_talk_t */
     uint32_t led_writes;                       /**< PWM registers written since START */
@@ -58,7 +58,7 @@ bool hil_pca9685_write(hil_pca9685_t *chip, uint8_t address, const uint8_t *data
 bool hil_pca9685_read(hil_pca9685_t *chip, uint8_t address, uint8_t *data, uint32_t length);
 
 /**
- * Share of the period a channel is high, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel
+ * Duty cycle of a channel, 0..1; 0 while asleep or while an interrupted PWM waits for RESTART. Channel
  * outside 0..15: 0. With OE high MODE2.OUTNE decides: 0, or 1 (OUTNE 01 with totem-pole outputs); high impedance reads
  * 0, as an H-bridge's pull-down makes it.
  */

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file player.h
- * A scenario as C needs it, and how it is played on a run in this process. What its timeline says is done to robot and
- * world.
+ * Plays a scenario on an in-process run: applies the events of its timeline to robot and world.
  */
 #ifndef HIL_SIM_PLAYER_H
 #define HIL_SIM_PLAYER_H
@@ -19,9 +18,9 @@ typedef struct hil_setting_t {
     omni_real_t value;
 } hil_setting_t;
 
-/** Everything but the seed. Must stay valid and constant while runs use it; they may do so in several threads. */
+/** Scenario without the seed. Must be valid and constant while runs use it, possibly in several threads. */
 typedef struct hil_scenario_t {
-    const hil_world_config_t *world;  /**< its seed does not count */
+    const hil_world_config_t *world;  /**< its seed is ignored */
     const omni_real_t *values;        /**< OMNI_PARAM_COUNT parameters that runs start with ... */
     const omni_robot_config_t *robot; /**< ... and what omni_robot_config made of them */
     const hil_event_t *events;
@@ -32,19 +31,18 @@ typedef struct hil_scenario_t {
     uint64_t end_tick; /**< UINT64_MAX: when the path is done or the robot stops by itself */
 } hil_scenario_t;
 
-/** How a run came out. */
+/** Result of a run. */
 typedef enum hil_run_status_t {
     HIL_RUN_OK = 0,     /**< played to its end */
-    HIL_RUN_WORLD,      /**< the world is refused; `why` says which field */
+    HIL_RUN_WORLD,      /**< invalid world; `why` names the field */
     HIL_RUN_ARMING,     /**< the robot refuses to arm: `detail` = its faults */
     HIL_RUN_PARAMETERS, /**< the core refuses a change of parameters: `detail` = index, -1: the combination */
     HIL_RUN_TRAJECTORY, /**< the trajectory cannot be planned */
-    HIL_RUN_ENDLESS,    /**< an event at a share of a path without end */
+    HIL_RUN_ENDLESS,    /**< an event at a fraction of an endless path */
     HIL_RUN_STATUS_COUNT
 } hil_run_status_t;
 
-/** The bare path of a configuration, planned from its own start; kept from run to run because planning takes a while.
- */
+/** Cached plan of a configuration's path, from its own start; planning is slow. */
 typedef struct hil_path_t {
     bool known;
     omni_trajectory_config_t config;
@@ -66,26 +64,26 @@ typedef struct hil_player_t {
 } hil_player_t;
 
 /**
- * Begin. A run that cannot is over at once; its status says why.
+ * Start. A run that cannot start is over at once; see its status.
  * @param moments room for the scenario's event_count. @param path one per thread, zero at first.
  */
 void hil_player_init(hil_player_t *player, const hil_scenario_t *scenario, uint64_t seed, hil_run_t *run,
                      hil_moment_t *moments, hil_path_t *path);
 
-/** Do what is due. @return ticks that the run is to be advanced by before hil_player_look; 0: the run is over. */
+/** Apply due events. @return ticks to advance the run by before hil_player_update; 0: the run is over. */
 uint64_t hil_player_due(hil_player_t *player);
 
-/** Look at what these ticks brought. */
-void hil_player_look(hil_player_t *player);
+/** Update the timeline after these ticks. */
+void hil_player_update(hil_player_t *player);
 
-/** Play on for `ticks` ticks, and to the next look after them. @return false: the run is over. */
+/** Play for `ticks` ticks, and to the next update after them. @return false: the run is over. */
 bool hil_player_play(hil_player_t *player, uint64_t ticks);
 
-/** Tick at which the run will probably end; UINT64_MAX: not known yet. */
+/** Expected last tick of the run; UINT64_MAX: not known yet. */
 uint64_t hil_player_expected_end(const hil_player_t *player);
 
-/** Ticks from the path's start until `share` of it is driven, lead-in left out. @return UINT64_MAX: the path has no
- * end. */
+/** Ticks from the path's start until the fraction `share` of it, without the lead-in. @return UINT64_MAX: the path has
+ * no end. */
 uint64_t hil_path_ticks(hil_path_t *path, const omni_robot_config_t *config, double share);
 
 #endif

@@ -2,7 +2,7 @@
 /**
  * @file random.h
  * Counter-based random numbers (Philox4x32-10, Salmon et al. 2011): a number is a pure function of (seed, stream,
- * index). So runs do not depend on threads, batch sizes or the order of draws.
+ * index), so that results do not depend on threads, batch sizes or the order of draws.
  */
 #ifndef HIL_SIM_RANDOM_H
 #define HIL_SIM_RANDOM_H

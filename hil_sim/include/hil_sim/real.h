@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file real.h
- * The numbers that the world is computed in. What is compiled a second time for eight runs at once (lanes) uses these
- * types for everything that may differ between runs. Where data decide it uses hil_select. Everything else is one value
- * for all of them.
+ * Scalar types of the world. Code that is compiled a second time for SIMD lanes uses them for values that may differ
+ * between runs, with hil_select for data-dependent choices; everything else is common to all lanes.
  */
 #ifndef HIL_SIM_REAL_H
 #define HIL_SIM_REAL_H

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file runner.h
- * Two ways to close the loop around the world: omni_robot_tick in this process, and the real firmware over a byte link
- * in lockstep. Both fill the same samples.
+ * Closes the loop around the world, by omni_robot_tick in this process, or by the real firmware over a byte link in
+ * lockstep. Both record the same samples.
  */
 #ifndef HIL_SIM_RUNNER_H
 #define HIL_SIM_RUNNER_H
@@ -33,7 +33,7 @@ typedef struct hil_sample_t {
     uint32_t phase; /**< omni_trajectory_phase_t */
 } hil_sample_t;
 
-/** Where samples go: every `every`-th tick while there is room. */
+/** Record of samples, every `every`-th tick while there is room. */
 typedef struct hil_record_t {
     hil_sample_t *samples;
     uint64_t capacity;
@@ -42,13 +42,13 @@ typedef struct hil_record_t {
 } hil_record_t;
 
 /** Add the ticks of a record, one row per tick, in their order. */
-void hil_milestones_of(hil_milestones_t *milestones, const hil_sample_t *samples, uint64_t count);
+void hil_milestones_from_record(hil_milestones_t *milestones, const hil_sample_t *samples, uint64_t count);
 
 /**
- * Run `ticks` ticks of omni_robot_tick in this process: sense, tick, bridge, step. `inputs` carries set-point,
- * heartbeat and the like between calls. Its sensor fields are overwritten, and its events are cleared after the first
- * tick. Its heartbeat and set-point time stamps follow the clock unless the world's link is silent. I2C faults count
- * as driver failures. Numbers for wheels the robot doesn't have are 0. @param record may be NULL.
+ * Run `ticks` ticks of omni_robot_tick in this process: sense, tick, bridge, step. `inputs` keeps setpoint,
+ * heartbeat etc. between calls. Its sensor fields are overwritten, and its events are cleared after the first
+ * tick. Its heartbeat and setpoint time stamps follow the clock unless the world's link is silent. I2C faults count
+ * as driver failures. Values of wheels the robot doesn't have are 0. @param record may be NULL.
  */
 void hil_run_in_process(hil_world_t *world, omni_robot_t *robot, omni_inputs_t *inputs, omni_outputs_t *outputs,
                         uint64_t ticks, hil_record_t *record);
@@ -63,7 +63,7 @@ typedef struct hil_torque_peaks_t {
  * For studies of direct torque control: one period of the law with ideal torques and perfect knowledge of pose and
  * twist. The law is evaluated once, its torques are held for `ticks` ticks of OMNI_TICK_US, and
  * omni_direct_torque_protect acts in each.
- * @param floor_world twist that the protection takes for the floor's; NULL: the true one. @param peaks out.
+ * @param floor_world twist used by the protection as the floor's; NULL: the true one. @param peaks out.
  * @return HIL_ERR_CONFIG if the plant takes no torques or the wheels of `k` are not the world's.
  */
 hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *k,
@@ -73,41 +73,41 @@ hil_result_t hil_run_direct_torque(hil_world_t *world, const omni_kinematics_t *
 enum { HIL_LOCKSTEP_RX = 65536, HIL_LOCKSTEP_INPUT = 4096, HIL_LOCKSTEP_SKIPPED = 16 };
 
 /**
- * One end of a lockstep link. The caller may change what is not marked as this end's own between runs.
+ * Simulator's end of a lockstep link. Between runs the caller may change all members not marked "own".
  *
- * Frames. OMNI_* messages carry world x, y, theta as they are. VICON_POSITION_ESTIMATE is NED like all of standard
+ * Frames. OMNI_* messages carry world x, y, theta unconverted. VICON_POSITION_ESTIMATE is NED like all of standard
  * MAVLink: world x is North, world y West, z up, hence x_ned = x, y_ned = -y, yaw_ned = -theta.
  */
 typedef struct hil_lockstep_t {
-    int32_t fd;        /**< open, connected; stays the caller's */
+    int32_t fd;        /**< open, connected; owned by the caller */
     uint8_t system_id; /**< of this end */
     uint8_t component_id;
     uint32_t sequence;           /**< of the next tick; own */
     uint64_t ticks;              /**< run so far, the simulated clock; own */
-    hil_waiting_t waiting;       /**< how answers are waited for; a run with a realtime_factor sleeps */
-    bool send_fixes;             /**< pose fixes go out as VICON_POSITION_ESTIMATE */
-    double timeout_s;            /**< wall time to wait for an answer */
-    double realtime_factor;      /**< 0: as fast as it goes; 1: real time */
-    uint8_t rx[HIL_LOCKSTEP_RX]; /**< every other frame the robot sent, whole, for the caller to take: set both lengths
+    hil_waiting_t waiting;       /**< waiting strategy; a run with a realtime_factor sleeps */
+    bool send_fixes;             /**< send pose fixes as VICON_POSITION_ESTIMATE */
+    double timeout_s;            /**< timeout of an answer, wall time */
+    double realtime_factor;      /**< 0: as fast as possible; 1: real time */
+    uint8_t rx[HIL_LOCKSTEP_RX]; /**< all other frames from the robot, for the caller, which resets both lengths
                                     to 0 */
     uint32_t rx_length;
-    uint32_t rx_served;                     /**< of rx: what hil_lockstep_serve() has seen */
+    uint32_t rx_served;                     /**< bytes of rx processed by hil_lockstep_serve() */
     uint32_t serve_ticks;                   /**< hil_lockstep_serve() before every tick divisible by this; 0: never */
     uint32_t skipped[HIL_LOCKSTEP_SKIPPED]; /**< messages that serving takes out of rx */
     uint32_t skipped_count;
-    uint8_t *log; /**< the caller's, at least 4 HIL_LOCKSTEP_RX long; NULL: none */
+    uint8_t *log; /**< owned by the caller, at least 4 HIL_LOCKSTEP_RX long; NULL: none */
     uint32_t log_capacity;
     uint32_t log_length;
     uint32_t log_frames;
-    uint64_t log_epoch_us;             /**< what a time stamp is at tick 0 */
+    uint64_t log_epoch_us;             /**< time stamp at tick 0 */
     uint32_t bad_frames;               /**< frames with a wrong checksum or of an unknown message */
     uint32_t lost_frames;              /**< frames for which `rx` had no room */
     uint32_t stale_answers;            /**< answers to ticks of earlier runs that had timed out */
-    uint8_t input[HIL_LOCKSTEP_INPUT]; /**< bytes not yet taken apart; own */
+    uint8_t input[HIL_LOCKSTEP_INPUT]; /**< unparsed bytes; own */
     uint32_t input_length;
-    int64_t deadline_us;    /**< until which the robot may answer what it was asked; own */
-    uint32_t outside;       /**< heartbeats of this tick that say "not in host-in-the-loop"; own */
-    uint8_t frame_sequence; /**< MAVLink's, of the next frame */
+    int64_t deadline_us;    /**< deadline of the current answer; own */
+    uint32_t outside;       /**< heartbeats of this tick without the HIL flag; own */
+    uint8_t frame_sequence; /**< MAVLink sequence of the next frame */
     double pace_factor;     /**< pacing has been anchored for this factor ... */
     int64_t pace_wall_us;   /**< ... at this wall time ... */
     uint64_t pace_world_us; /**< ... and this world time */
@@ -129,17 +129,18 @@ hil_result_t hil_lockstep_run(hil_lockstep_t *link, hil_world_t *world, uint64_t
                               uint64_t *done);
 
 /**
- * The first half of a tick for a world that is somewhere else: the robot gets the sensors of `electronics`. While it
- * computes, the world may do what needs no motors. Next comes hil_lockstep_take(), whatever happens there.
- * @param asked out: false where hil_lockstep_run() returns early; there is nothing to take then.
+ * First half of a tick with an external world: send the sensors of `electronics` to the robot. While it computes, the
+ * world may do work that needs no motors. Must be followed by hil_lockstep_apply_actuators().
+ * @param asked out: false where hil_lockstep_run() would return early: no answer will follow.
  */
-hil_result_t hil_lockstep_ask(hil_lockstep_t *link, hil_world_t *electronics, bool *asked);
+hil_result_t hil_lockstep_send_sensors(hil_lockstep_t *link, hil_world_t *electronics, bool *asked);
 
-/** The second half: the answer drives the chip and bridges of `electronics`. Next comes hil_outside_follow(). */
-hil_result_t hil_lockstep_take(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record);
+/** Second half: apply the answer to the chip and bridges of `electronics`. Must be followed by hil_external_update().
+ */
+hil_result_t hil_lockstep_apply_actuators(hil_lockstep_t *link, hil_world_t *electronics, hil_record_t *record);
 
 /**
- * Look after the frames collected since the last time. Append them to `log` as a telemetry log's records. Each has 8
+ * Process the frames received since the last call. Append them to `log` as records of a telemetry log. Each has 8
  * bytes of time, big-endian (log_epoch_us and the simulated time now), then the frame. Take those that are `skipped`
  * out of `rx`.
  */

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file schema.h
- * What shared/world.toml says about the numbers of a world and about its faults, as tables. The function
- * hil_world_init() checks against them, and a program that builds a hil_world_config_t by itself can read them.
+ * @file schema.h Tables of the world's numbers and faults, generated from shared/world.toml: used by hil_world_init()
+ * for its checks, and by programs that build a hil_world_config_t.
  */
 #ifndef HIL_SIM_SCHEMA_H
 #define HIL_SIM_SCHEMA_H
@@ -17,19 +16,19 @@ typedef struct hil_number_t {
     bool whole;       /**< int32_t; otherwise double */
     double minimum;   /**< allowed itself, as is the maximum */
     double maximum;
-    const char *allowed; /**< the same in words, with the unit */
+    const char *allowed; /**< range as text, with the unit */
 } hil_number_t;
 
 extern const hil_number_t hil_numbers[];
 extern const uint32_t hil_number_count;
 
-/** What a fault needs, by its number in hil_fault_kind_t. */
+/** Properties of a fault, by hil_fault_kind_t. */
 typedef struct hil_fault_rule_t {
     const char *name;
-    bool wheel;     /**< it concerns one wheel */
+    bool wheel;     /**< it affects one wheel */
     double minimum; /**< of its value, allowed itself, as is the maximum */
     double maximum;
-    const char *allowed; /**< the same in words, with the unit */
+    const char *allowed; /**< range as text, with the unit */
 } hil_fault_rule_t;
 
 extern const hil_fault_rule_t hil_fault_rules[HIL_FAULT_KIND_COUNT];

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file spread.h
- * What many values come to, one at a time: mean and variance (Welford 1962, merged as Chan et al. 1979) and extremes.
- * Only IEEE operations in a fixed order: the same values in the same order and pieces give the same bits on every
- * machine.
+ * Online mean, variance (Welford 1962, merged by Chan et al. 1979) and extremes. IEEE operations in a fixed order:
+ * bit-identical on every machine for the same values, order and partition.
  */
 #ifndef HIL_SIM_SPREAD_H
 #define HIL_SIM_SPREAD_H
@@ -23,7 +22,7 @@ typedef struct hil_spread_t {
 /** Add `count` values, the first one at `values`, `stride` bytes apart. */
 void hil_spread_add(hil_spread_t *spread, const double *values, uint32_t stride, uint32_t count);
 
-/** Add what another spread holds: values that come after those of `spread`. */
+/** Merge another spread, whose values follow those of `spread`. */
 void hil_spread_merge(hil_spread_t *spread, const hil_spread_t *other);
 
 #endif

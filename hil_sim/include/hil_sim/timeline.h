@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file timeline.h
- * When a scenario's events happen, and when its run ends. This exists once, for runs in this process (player.h) and
- * over a link (timeline.py). The timeline says what is to be done next, whoever closes the loop does it and asks
- * again.
+ * Event scheduler of a scenario: when its events are applied and when its run ends. Shared by runs in this process
+ * (player.h) and over a link (timeline.py). The timeline returns the next step; its caller executes it, closes the loop
+ * and calls again.
  *
- * A run is cut into pieces: to the next event, to the end, or to the next multiple of HIL_LOOK_TICKS. After each piece
- * the timeline is shown the run's milestones: whether the robot is on its path, done, or has stopped. Only then it
- * finds out: an event at a share of the path is never applied before the first look that sees the path.
+ * A run is divided into segments: to the next event, to the end, or to the next multiple of HIL_UPDATE_TICKS. After
+ * each segment the timeline is updated with the run's milestones: path started, path completed, robot stopped. So an
+ * event at a fraction of the path is applied at the earliest at the first update after the path has started.
  */
 #ifndef HIL_SIM_TIMELINE_H
 #define HIL_SIM_TIMELINE_H
@@ -17,18 +17,18 @@
 #include "omni/types.h"
 
 enum {
-    HIL_LOOK_TICKS = 200,
-    HIL_AFTER_TICKS = 500,    /**< a run goes on for this long after its path's end or the robot's own stop */
-    HIL_DISARMED_TICKS = 100, /**< and for this long after the final disarm */
+    HIL_UPDATE_TICKS = 200,
+    HIL_AFTER_TICKS = 500,    /**< duration of a run after its path's end or the robot's own stop [ticks] */
+    HIL_DISARMED_TICKS = 100, /**< duration of a run after the final disarm [ticks] */
     HIL_START_TICKS = 2000,   /**< a robot not armed this long after the last timed event will not start */
     HIL_MAX_TICKS = 3600000
 };
 
-/** What an event does. */
+/** Action of an event. */
 typedef enum hil_action_t {
     HIL_ACTION_SET = 0,  /**< change parameters */
-    HIL_ACTION_VELOCITY, /**< ask for a body twist: value = m/s, m/s, rad/s */
-    HIL_ACTION_DUTY,     /**< ask for duties: value per wheel */
+    HIL_ACTION_VELOCITY, /**< body twist setpoint: value = m/s, m/s, rad/s */
+    HIL_ACTION_DUTY,     /**< duty setpoint: value per wheel */
     HIL_ACTION_ARM,
     HIL_ACTION_DISARM,
     HIL_ACTION_ESTOP,
@@ -37,12 +37,12 @@ typedef enum hil_action_t {
     HIL_ACTION_COUNT
 } hil_action_t;
 
-/** Something that is done to the robot before a tick. */
+/** Event, applied to the robot before a tick. */
 typedef struct hil_event_t {
     uint32_t action;        /**< hil_action_t */
     uint32_t first_setting; /**< of the scenario's settings, for HIL_ACTION_SET */
     uint32_t setting_count;
-    bool on_path;  /**< `share` says when; otherwise `tick` */
+    bool on_path;  /**< timed by `share`; otherwise by `tick` */
     uint64_t tick; /**< ticks before it */
     double share;  /**< of the path, 0..1 */
     omni_real_t value[OMNI_MAX_WHEELS];
@@ -52,15 +52,15 @@ typedef struct hil_event_t {
 typedef struct hil_moment_t {
     uint32_t event;
     uint64_t due_tick;
-    uint64_t applied_tick; /**< when it was done: over a link, the robot's confirmation takes a tick or more */
+    uint64_t applied_tick; /**< when it was applied: over a link, the acknowledgement takes a tick or more */
 } hil_moment_t;
 
-/** What is to be done next. */
+/** Next step. */
 typedef enum hil_step_kind_t {
-    HIL_STEP_RUN = 0, /**< run `ticks` ticks, then show the milestones to hil_timeline_look() */
-    HIL_STEP_PLACE,   /**< tell the robot where it stands */
-    HIL_STEP_APPLY,   /**< do what `event` says */
-    HIL_STEP_LOCATE,  /**< give hil_timeline_locate() the ticks from the path's start to the share of `event` */
+    HIL_STEP_RUN = 0, /**< run `ticks` ticks, then show the milestones to hil_timeline_update() */
+    HIL_STEP_PLACE,   /**< set the robot's initial pose */
+    HIL_STEP_APPLY,   /**< apply `event` */
+    HIL_STEP_LOCATE,  /**< give hil_timeline_set_offset() the ticks from the path's start to the share of `event` */
     HIL_STEP_DISARM,  /**< disarm: the run is ending */
     HIL_STEP_OVER     /**< nothing: the run is over */
 } hil_step_kind_t;
@@ -71,7 +71,7 @@ typedef struct hil_step_t {
     uint64_t ticks;
 } hil_step_t;
 
-/** A scenario's events on their way through a run. */
+/** State of a scenario's events during a run. */
 typedef struct hil_timeline_t {
     const hil_event_t *events;
     uint32_t event_count;
@@ -87,7 +87,7 @@ typedef struct hil_timeline_t {
     bool was_armed;
     bool applying; /**< events are being applied that were due before the end was looked at */
     uint8_t stage; /**< own */
-    uint8_t last;  /**< hil_step_kind_t of the last answer */
+    uint8_t last;  /**< hil_step_kind_t of the last step */
 } hil_timeline_t;
 
 /**
@@ -97,16 +97,16 @@ typedef struct hil_timeline_t {
 void hil_timeline_init(hil_timeline_t *timeline, const hil_event_t *events, uint32_t event_count, uint64_t end_tick,
                        hil_moment_t *moments);
 
-/** The last answer has been done, now. @param now ticks run so far. @return what is to be done next. */
+/** Get the next step, after the last one was executed. @param now ticks run so far. */
 hil_step_t hil_timeline_next(hil_timeline_t *timeline, uint64_t now);
 
-/** The event of HIL_STEP_LOCATE is this many ticks after the path's start. */
-void hil_timeline_locate(hil_timeline_t *timeline, uint64_t ticks);
+/** Set the time of HIL_STEP_LOCATE's event, in ticks after the path's start. */
+void hil_timeline_set_offset(hil_timeline_t *timeline, uint64_t ticks);
 
-/** Look at what the ticks of HIL_STEP_RUN brought. */
-void hil_timeline_look(hil_timeline_t *timeline, const hil_milestones_t *milestones);
+/** Update the state after the ticks of HIL_STEP_RUN. */
+void hil_timeline_update(hil_timeline_t *timeline, const hil_milestones_t *milestones);
 
-/** Tick at which the run will probably end; UINT64_MAX: not known yet. @param path_ticks of the whole path; UINT64_MAX:
+/** Expected last tick of the run; UINT64_MAX: not known yet. @param path_ticks of the whole path; UINT64_MAX:
  * without end. */
 uint64_t hil_timeline_expected_end(const hil_timeline_t *timeline, uint64_t path_ticks);
 

@@ -1,17 +1,19 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file waiting.h
- * Whether the two ends of a lockstep link look for each other's bytes or sleep until they come, measured while it runs.
+ * Selects busy polling or blocking waits for the two ends of a lockstep link, from round-trip times measured at run
+ * time.
  *
- * Looking saves the time in which a sleeping process wakes up (omni_link/patience.h). It is faster while each end has a
- * processor for itself, and may be slower where another program needs one, too. That changes while a run goes on.
+ * Polling avoids the wake-up latency of a sleeping process (omni_link/poll_backoff.h). It is faster while each end has
+ * a processor of its own, and may be slower when other programs compete for one. The load changes during a run.
  *
- * So the world's end compares. It takes the wall time of whole turns, from one tick's sensors to the next one's. Now
- * and then both ends wait in the other way for a moment. If that is faster twice in a row, they go on in it. Looking
- * must save a sixteenth of the time, since it uses up a processor more. The robot's end is told by OMNI_HIL_SENSORS.
- * Only one end decides, since each one's turns depend on both. A firmware process obeys. A board has nothing to choose.
+ * So the world's end compares both. It measures the wall time of whole round trips, from one tick's sensors to the
+ * next tick's. At intervals both ends switch to the alternative for a short trial. If the alternative is faster in two
+ * consecutive trials, it is kept. Polling must save a sixteenth of the time, since it occupies one more processor. The
+ * decision is sent in OMNI_HIL_SENSORS. Only one end decides, since each end's round trips depend on both. A firmware
+ * process follows the decision; a board ignores it.
  *
- * Nothing here reads a clock. How the ends wait never changes what they exchange, but for that one field.
+ * Nothing here reads a clock. The wait mode changes nothing in the exchanged data except that one field.
  */
 #ifndef HIL_SIM_WAITING_H
 #define HIL_SIM_WAITING_H
@@ -19,7 +21,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "omni_link/patience.h"
+#include "omni_link/poll_backoff.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -46,29 +48,29 @@ typedef struct hil_waiting_sum_t {
     uint32_t turns;
 } hil_waiting_sum_t;
 
-/** What the world's end of a link knows of both ways. */
+/** State of the selection at the simulator's end. */
 typedef struct hil_waiting_t {
-    bool may_change;          /**< false: always as it began, nothing is tried */
-    bool prefers_looking;     /**< the usual way */
-    bool tries;               /**< the other way is being tried */
-    bool was_faster;          /**< the trial before found the other way faster; it needs a second one */
-    int64_t between_us;       /**< length of the usual way until the next trial */
-    int64_t since_us;         /**< begin of this trial, or of the usual way after the trial before; -1: no turn yet */
-    int64_t turn_us;          /**< begin of this turn */
-    hil_waiting_sum_t usual;  /**< latest turns of the usual way */
-    hil_waiting_sum_t tried;  /**< turns of the trial */
-    uint32_t trials;          /**< all so far */
-    uint32_t changes;         /**< how often the usual way changed */
-    omni_patience_t patience; /**< how this end waits */
+    bool may_change;         /**< false: fixed mode, no trials */
+    bool prefers_looking;    /**< the usual mode is polling */
+    bool tries;              /**< a trial of the other mode is running */
+    bool was_faster;         /**< the last trial was faster; needs confirmation by a second one */
+    int64_t between_us;      /**< length of the usual way until the next trial */
+    int64_t since_us;        /**< begin of this trial, or of the usual way after the trial before; -1: no turn yet */
+    int64_t turn_us;         /**< begin of this turn */
+    hil_waiting_sum_t usual; /**< latest turns of the usual way */
+    hil_waiting_sum_t tried; /**< turns of the trial */
+    uint32_t trials;         /**< all so far */
+    uint32_t changes;        /**< how often the usual way changed */
+    omni_poll_backoff_t poll_backoff; /**< waiting strategy of this end */
 } hil_waiting_t;
 
-/** Start anew: looking, or asleep for good if it is not to look or there is one processor only. */
+/** Reset. @param looks poll; false, or with one processor: always sleep. */
 void hil_waiting_init(hil_waiting_t *waiting, bool looks);
 
-/** A turn begins: call it once per tick before the sensors are sent. @param now_us a monotonic clock. */
+/** Start a turn: call it once per tick before the sensors are sent. @param now_us a monotonic clock. */
 void hil_waiting_turn(hil_waiting_t *waiting, int64_t now_us);
 
-/** Whether both ends are to look in this turn. */
+/** Should both ends poll in this turn? */
 bool hil_waiting_looks(const hil_waiting_t *waiting);
 
 #ifdef __cplusplus

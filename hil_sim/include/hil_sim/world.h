@@ -3,8 +3,8 @@
  * @file world.h
  * The simulated world around one robot: PWM chip, H-bridges, motors, wheels on the floor, rigid body, battery,
  * encoders, pose sensor, faults. Double precision, SI. Written from first principles: contact-point velocities by
- * cross products, a traction force per wheel. Nothing comes from the controller's matrices, so that an error there
- * shows here.
+ * cross products, a traction force per wheel, independent of the controller's matrices, so that errors there
+ * become visible.
  *
  * Motion. Wheel i touches the floor at p_i = d (cos a, sin a), drives along t_i = (-sin a, cos a) and rolls freely
  * along p_i.
@@ -18,8 +18,8 @@
  *
  * s_i is an imposed slip ratio, u_i an imposed slip speed; encoders see neither.
  *
- * That is the plant `full`. The report's models are plants too (shared/world.toml). They leave out what the report
- * leaves out. Everything else of the world (sensors, faults, bridges) stays the same.
+ * That is the plant `full`. The report's models are plants too (shared/world.toml). They have the report's
+ * simplifications. Sensors, faults and bridges are common to all plants.
  * docs/concepts/derivations/slip_space.md derives them.
  */
 #ifndef HIL_SIM_WORLD_H
@@ -37,26 +37,26 @@ enum {
     HIL_MAX_WHEELS = 4,
     HIL_MAX_FAULTS = 16,
     HIL_MAX_PATCHES = 8, /**< of the floor, with another friction */
-    HIL_MAX_FIXES = 64,  /**< pose fixes on their way */
-    HIL_MAX_FLOWS = 32,  /**< readings of the motion over the floor on their way */
+    HIL_MAX_FIXES = 64,  /**< pose fixes in transit */
+    HIL_MAX_FLOWS = 32,  /**< floor odometry readings in transit */
     HIL_MAX_I2C = 128,   /**< bytes of the transactions of a tick */
     HIL_MAX_I2C_READ = 8
 };
 
-/** Why a configuration is refused; the text names the field. */
+/** Result codes. HIL_ERR_CONFIG: invalid configuration; the text names the field. */
 typedef enum hil_result_t {
     HIL_OK = 0,
     HIL_ERR_CONFIG,
     HIL_ERR_LINK,     /**< the link broke or was closed */
     HIL_ERR_TIMEOUT,  /**< the robot did not answer in time */
-    HIL_ERR_PROTOCOL, /**< the robot answered something else than asked */
-    HIL_ERR_OUTSIDE   /**< the robot says that it is not in host-in-the-loop */
+    HIL_ERR_PROTOCOL, /**< unexpected answer from the robot */
+    HIL_ERR_OUTSIDE   /**< the robot is not in hardware-in-the-loop */
 } hil_result_t;
 
 /** What drives the wheels. */
 typedef enum hil_source_t {
     HIL_SOURCE_BRIDGES = 0, /**< battery, bridges, motors */
-    HIL_SOURCE_SPEED,       /**< wheel speeds as asked for */
+    HIL_SOURCE_SPEED,       /**< imposed wheel speeds */
     HIL_SOURCE_VOLTAGE,     /**< ideal voltage sources at the windings */
     HIL_SOURCE_TORQUE       /**< torques at the wheels in place of the motors' K i */
 } hil_source_t;
@@ -80,27 +80,27 @@ typedef struct hil_patch_t {
     double friction; /**< factor on the friction coefficient, 0.001..10 */
 } hil_patch_t;
 
-/** A world. Its numbers come from shared/world.toml, where each has its unit, range and meaning. */
+/** Configuration of a world; numbers are generated from shared/world.toml (unit, range, meaning). */
 typedef struct hil_world_config_t {
     uint32_t wheels; /**< 3 or 4 */
     uint32_t plant;  /**< hil_plant_kind_t */
-    uint32_t driver; /**< what leads to the bridges: hil_driver_t */
+    uint32_t driver; /**< motor driver: hil_driver_t */
 #include "hil_sim/world_members_gen.h"
     hil_seed_t seed;
     uint32_t fault_count;
     hil_fault_t fault[HIL_MAX_FAULTS];
-    uint32_t patch_count;               /**< plant full alone has patches */
-    hil_patch_t patch[HIL_MAX_PATCHES]; /**< where two overlap, the later one counts */
+    uint32_t patch_count;               /**< plant full only */
+    hil_patch_t patch[HIL_MAX_PATCHES]; /**< in overlaps the later one applies */
 } hil_world_config_t;
 
 typedef struct hil_fix_t {
-    uint64_t taken_us; /**< when the sensor saw it */
+    uint64_t taken_us; /**< time of measurement */
     uint64_t arrives_us;
     hil_real_t pose[3]; /**< x, y, theta wrapped to -pi..pi */
-    hil_flag_t lost;    /**< it never arrives: a place in the queue only */
+    hil_flag_t dropped; /**< lost: it only occupies a place in the queue */
 } hil_fix_t;
 
-/** What the robot's electronics see of the world at one tick. Its readings come from [sensors] of shared/world.toml. */
+/** Sensor readings at one tick; readings are generated from [sensors] of shared/world.toml. */
 typedef struct hil_sensors_t {
     uint64_t time_us;
 #include "hil_sim/sensor_members_gen.h"
@@ -119,7 +119,7 @@ typedef struct hil_spd3_t {
     hil_real_t l10, l20, l21;
 } hil_spd3_t;
 
-/** Constants of the motion, derived once. Wheels that the robot doesn't have are weightless: zero in every array. */
+/** Constants of the motion. Entries of wheels that the robot doesn't have are zero. */
 typedef struct hil_plant_t {
     hil_real_t radius_m[HIL_MAX_WHEELS];
     hil_real_t along_x[HIL_MAX_WHEELS]; /**< t_i in the body frame */
@@ -154,11 +154,11 @@ typedef struct hil_plant_t {
     hil_real_t downhill_N;                   /**< the same along it */
 } hil_plant_t;
 
-/** A reading of the motion over the floor, on its way. */
+/** Floor odometry reading in transit. */
 typedef struct hil_flow_t {
     uint64_t arrives_us;
     hil_real_t moved[3]; /**< x, y [m], turn [rad] */
-    hil_flag_t lost;     /**< marked as not valid */
+    hil_flag_t dropped;  /**< marked as invalid */
 } hil_flow_t;
 
 typedef struct hil_world_t {
@@ -171,40 +171,40 @@ typedef struct hil_world_t {
     hil_real_t twist[3];    /**< truth, world frame */
     hil_real_t wheel_angle_rad[HIL_MAX_WHEELS];
     hil_real_t wheel_rad_s[HIL_MAX_WHEELS];
-    hil_real_t motor_rad_s[HIL_MAX_WHEELS]; /**< with play: of motor and gear, as seen at the wheel */
+    hil_real_t motor_rad_s[HIL_MAX_WHEELS]; /**< with play: of motor and gear, referred to the wheel */
     hil_real_t gap_rad[HIL_MAX_WHEELS];     /**< with play: how far the motor is ahead of its wheel */
     hil_real_t mesh[HIL_MAX_WHEELS];        /**< with play: 1 or -1, the side on which the motor pushes; 0: none */
     hil_real_t current_A[HIL_MAX_WHEELS];
     hil_real_t voltage_V[HIL_MAX_WHEELS];      /**< mean bridge voltage, wheel direction; 0 while the winding is open */
-    hil_real_t bridge_rest_s[HIL_MAX_WHEELS];  /**< overcurrent: so long it stays open */
+    hil_real_t bridge_rest_s[HIL_MAX_WHEELS];  /**< overcurrent: remaining time open */
     hil_real_t bridge_off[HIL_MAX_WHEELS];     /**< 1: too hot to drive */
     hil_real_t bridge_trips[HIL_MAX_WHEELS];   /**< times that it has opened by itself */
-    hil_real_t bridge_K[HIL_MAX_WHEELS];       /**< warmer than the room */
-    hil_real_t winding_K[HIL_MAX_WHEELS];      /**< the same of the motor's winding */
-    hil_real_t source_V;                       /**< what a supply that limits its current has left, without load */
+    hil_real_t bridge_K[HIL_MAX_WHEELS];       /**< temperature rise over ambient */
+    hil_real_t winding_K[HIL_MAX_WHEELS];      /**< temperature rise of the motor's winding */
+    hil_real_t source_V;                       /**< open-circuit voltage of a current-limited supply */
     hil_real_t slip_ratio[HIL_MAX_WHEELS];     /**< imposed */
-    hil_real_t slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, of the step that begins now */
+    hil_real_t slip_speed_m_s[HIL_MAX_WHEELS]; /**< imposed, in the current step */
     hil_real_t traction_N[HIL_MAX_WHEELS];     /**< 0 on plants without a contact */
     hil_real_t load_N[HIL_MAX_WHEELS];         /**< of the floor on each wheel, across the floor; 0: it has lifted */
-    hil_real_t rise[3];             /**< body above where it stands at rest: up [m], about body x and y [rad] */
-    hil_real_t rise_rate[3];        /**< of that [m/s, rad/s] */
-    hil_real_t floor_N[2];          /**< body frame: slope and dry drag of the rollers */
-    hil_real_t supply_V;            /**< under load */
-    hil_real_t in1[HIL_MAX_WHEELS]; /**< share of the period IN1 is high */
+    hil_real_t rise[3];                        /**< displacement from rest: up [m], about body x and y [rad] */
+    hil_real_t rise_rate[3];                   /**< of that [m/s, rad/s] */
+    hil_real_t floor_N[2];                     /**< body frame: slope and dry drag of the rollers */
+    hil_real_t supply_V;                       /**< under load */
+    hil_real_t in1[HIL_MAX_WHEELS];            /**< duty cycle of IN1 */
     hil_real_t in2[HIL_MAX_WHEELS];
     hil_drv8871_t bridge[HIL_MAX_WHEELS];
     uint32_t source;                          /**< hil_source_t */
-    hil_real_t driven[HIL_MAX_WHEELS];        /**< what the source asks for [rad/s, V or N m] */
+    hil_real_t driven[HIL_MAX_WHEELS];        /**< value imposed by the source [rad/s, V or N m] */
     hil_real_t encoder_edges[HIL_MAX_WHEELS]; /**< edges the disc has passed, a whole number */
-    hil_int_t counts[HIL_MAX_WHEELS];         /**< the electronics' counter: wraps */
-    uint64_t slip_knot;                       /**< number of the draw before now */
+    hil_int_t counts[HIL_MAX_WHEELS];         /**< encoder counter, wraps */
+    uint64_t slip_knot;                       /**< index of the last draw */
     hil_real_t slip_before[HIL_MAX_WHEELS];
     hil_real_t slip_after[HIL_MAX_WHEELS];
     uint64_t slip_speed_knot;
     hil_pca9685_t chip;
     bool stranger_addressed;               /**< config.i2c_stranger is being written to */
     bool direct;                           /**< the bridges follow hil_world_bridge instead of the chip */
-    hil_real_t direct_in1[HIL_MAX_WHEELS]; /**< share of the period that it asked for, as far as the bus carried it */
+    hil_real_t direct_in1[HIL_MAX_WHEELS]; /**< duty cycle set by it, as far as transmitted by the bus */
     hil_real_t direct_in2[HIL_MAX_WHEELS];
     hil_real_t direct_phase1[HIL_MAX_WHEELS]; /**< where in the period they rise, 0..1 */
     hil_real_t direct_phase2[HIL_MAX_WHEELS];
@@ -214,17 +214,17 @@ typedef struct hil_world_t {
     uint64_t fixes_taken;
     hil_real_t frozen_pose[3]; /**< of the last fix before the pose sensor froze */
     hil_real_t gyro_bias[3];   /**< of each axis of its chip [rad/s] */
-    hil_real_t gyro_warmth_K;  /**< of its chip, over that of the start */
+    hil_real_t gyro_warmth_K;  /**< temperature rise of its chip since the start */
     hil_real_t gyro_rate[3];   /**< true rates about its chip's axes [rad/s], the upright one last */
-    hil_real_t gyro_late[3];   /**< the same behind its chip's filter */
-    uint64_t gyro_late_us;     /**< when both were looked at */
+    hil_real_t gyro_late[3];   /**< rates after its chip's filter */
+    uint64_t gyro_late_us;     /**< time of both */
     hil_real_t gyro_rad_s[3];  /**< latest sample */
     uint64_t gyro_samples;     /**< taken so far */
     uint64_t gyro_bias_step;   /**< number of the bias's last draw */
     bool gyro_new;             /**< the latest sample is of this tick */
-    hil_real_t flow_pose[3];   /**< of the body, when `flow_sum` was brought up to date */
-    hil_real_t flow_sum[3];    /**< way of the sensor's point along its own axes, and turn, since the start */
-    hil_real_t flow_read[3];   /**< what its counters said in the last reading */
+    hil_real_t flow_pose[3];   /**< body pose at the last update of `flow_sum` */
+    hil_real_t flow_sum[3];    /**< displacement in the sensor's axes and turn since the last reading */
+    hil_real_t flow_read[3];   /**< its counters at the last reading */
     uint64_t flow_samples;     /**< taken so far */
     uint32_t flow_head;
     uint32_t flow_count;
@@ -234,13 +234,14 @@ typedef struct hil_world_t {
     hil_fix_t fix[HIL_MAX_FIXES];
 } hil_world_t;
 
-/** Check and start. @param why out, text of at most `why_size` bytes naming the offending field. */
+/** Validate the configuration and initialise. @param why out, text of at most `why_size` bytes naming the invalid
+ * field. */
 hil_result_t hil_world_init(hil_world_t *world, const hil_world_config_t *config, char *why, uint32_t why_size);
 
-/** What the sensors show now (of time world->time_us). At most one due pose fix per call; each is handed out once. */
+/** Read the sensors at world->time_us. At most one due pose fix per call; each is returned once. */
 void hil_world_sense(hil_world_t *world, hil_sensors_t *sensors);
 
-/** The encoder counts alone, one per wheel, as hil_world_sense() shows them. */
+/** Read the encoder counts only, as in hil_world_sense(). */
 void hil_world_counts(const hil_world_t *world, hil_int_t *counts);
 
 /**
@@ -251,9 +252,8 @@ void hil_world_counts(const hil_world_t *world, hil_int_t *counts);
 hil_result_t hil_world_i2c(hil_world_t *world, const uint8_t *bytes, uint32_t length);
 
 /**
- * The same byte by byte, as it happens on the wire. There are START or repeated START with an address, bytes to and
- * from the chip, and STOP. The bridges follow on STOP. Faults of the bus act: nothing is acknowledged; holding a line
- * low is up to whoever has lines.
+ * Byte-level interface to the I2C bus: START or repeated START with an address, bytes, STOP. The bridges are updated on
+ * STOP. Bus faults suppress the acknowledge; a caller with real lines must hold them low itself.
  * @param address 7 bit. @return true if the byte is acknowledged; hil_world_i2c_get: the byte.
  */
 bool hil_world_i2c_start(hil_world_t *world, uint8_t address, bool read);
@@ -264,47 +264,46 @@ void hil_world_i2c_stop(hil_world_t *world);
 /**
  * Set the bridge inputs directly, in PWM steps 0..4096 per wheel, instead of through the chip (in-process runs). They
  * switch at the chip's 1526 Hz or at motor_pwm_Hz. I2C faults act as on the chip, if there is one: the bridges keep
- * what they have and the next i2c_status says so. How a driver on the processor's pins makes the two of a duty is not
- * simulated here; hil_world_motor_pins() has that. Both 0 is off: the bridges do what they do with their pins low.
+ * what they have and the next i2c_status says so. Drivers on the processor's
+ * pins are simulated by hil_world_motor_pins(). Both 0: off, bridges as with their pins low.
  */
 void hil_world_bridge(hil_world_t *world, const hil_steps_t *in1_steps, const hil_steps_t *in2_steps);
 
 /**
  * Set the processor's motor pins. @param steps high time of the first and second pin of each wheel, 0..4096 steps of a
- * period of 1 / motor_pwm_Hz; 2 * HIL_MAX_WHEELS entries. Both pins of a wheel rise together. What its bridge makes of
- * them, `motor_drivers` in shared/params.toml says. Of no effect on a robot whose motors hang on the PWM chip.
+ * period of 1 / motor_pwm_Hz; 2 * HIL_MAX_WHEELS entries. Both pins of a wheel rise together. The bridge's
+ * truth table is in `motor_drivers` of shared/params.toml. No effect for motors on the PWM chip.
  */
 void hil_world_motor_pins(hil_world_t *world, const uint16_t *steps);
 
 /** Level from which the chip takes OE for high: V_IH = 0.7 VDD at 3.3 V (NXP PCA9685, static characteristics). */
 #define HIL_OE_HIGH_V 2.31
 
-/** What the processor does with the output-enable pin, as in OMNI_HIL_ACTUATORS. */
+/** State of the output-enable pin, as in OMNI_HIL_ACTUATORS. */
 typedef enum hil_output_enable_t {
     HIL_OE_OFF = 0,
     HIL_OE_ON = 1,
-    HIL_OE_RELEASED = 2 /**< it does not drive the pin, as in reset: output_enable_rest_V decides */
+    HIL_OE_RELEASED = 2 /**< high impedance, as in reset: level output_enable_rest_V */
 } hil_output_enable_t;
 
 /**
- * Set the output-enable pin: off, every bridge input is low and the motors coast, whatever the bus does. Released after
- * hil_world_init. Of no effect on a robot whose pin is not wired. @param drive hil_output_enable_t; other values count
- * as on.
+ * Set the output-enable pin. Off: all bridge inputs are low and the motors coast, independently of the bus. Released
+ * after hil_world_init. Of no effect on a robot whose pin is not wired. @param drive hil_output_enable_t; other values
+ * count as on.
  */
 void hil_world_output_enable(hil_world_t *world, uint8_t drive);
 
 /**
- * For studies: give the wheels these speeds [rad/s], one per wheel, in place of bridges and motors until the bridges
- * are set again.
+ * For studies: impose wheel speeds [rad/s] in place of bridges and motors until the bridges are set again.
  * @return HIL_ERR_CONFIG, nothing changed, if one is not finite or the plant is not kinematic.
  */
 hil_result_t hil_world_drive_speed(hil_world_t *world, const double *wheel_rad_s);
 
-/** The same with ideal voltage sources [V] at the windings, positive: counter-clockwise; no battery, no limit. On every
- * plant. */
+/** For studies: ideal voltage sources [V] at the windings, positive: counter-clockwise; no battery, no limit. All
+ * plants. */
 hil_result_t hil_world_drive_voltage(hil_world_t *world, const double *volts);
 
-/** The same with torques [N m] at the wheels in place of the motors' K i. On the plants full, slip and linear. */
+/** For studies: impose torques [N m] at the wheels in place of the motors' K i. Plants full, slip and linear. */
 hil_result_t hil_world_drive_torque(hil_world_t *world, const double *torque_N_m);
 
 /** Advance by one tick, in substeps of at most 0.25 ms. @param step_us e.g. 1000. */
@@ -320,8 +319,8 @@ uint32_t hil_world_tick_us(const hil_world_t *world, uint32_t usual_us);
 bool hil_world_fault_active(const hil_world_t *world, uint8_t kind, uint32_t wheel);
 
 /**
- * How the point of the sensor of motion over the floor has moved since `pose`, in the sensor's axes of mid-way.
- * @param pose in and out: x, y [m], heading [rad]; becomes the world's. @param way out: x, y [m], turn [rad].
+ * Displacement of the floor odometry sensor since `pose`, in the sensor's axes at mid-interval.
+ * @param pose in and out: x, y [m], heading [rad]; set to the current pose. @param way out: x, y [m], turn [rad].
  */
 void hil_world_flow_way(const hil_world_t *world, hil_real_t *pose, hil_real_t *way);
 

@@ -162,7 +162,7 @@ size_t storage_size() {
     return (*storage).size();
 }
 bool storage_doubtful() {
-    return (*storage).doubtful();
+    return (*storage).may_hold_unreadable_data();
 }
 uint32_t storage_late_erases() {
     return (*storage).late_erases();

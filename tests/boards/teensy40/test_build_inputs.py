@@ -60,7 +60,7 @@ def test_a_folder_beside_the_dialect_is_no_file_to_read(root: Path, robot: Path)
         "robots/three_wheel.toml",
         "link/omni.xml",
         "link/standard.toml",
-        "link/include/omni_link/patience.h",
+        "link/include/omni_link/poll_backoff.h",
         "generate/generate.py",
         "generate/mavlink_dialect.py",
         "generate/omni_schema/robots.py",

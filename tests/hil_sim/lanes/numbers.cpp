@@ -165,11 +165,11 @@ int lanes_condition(unsigned bits) {
     for (int i = 0; i < count; ++i) {
         x[i] = (bits >> i % 8 & 1u) != 0 ? 1.0f : -1.0f;
     }
-    (void)hil_lanes_take_parted();
+    (void)hil_lanes_take_diverged();
     const bool answer = real_t::load(x) > 0.0f;
-    const bool parted = hil_lanes_take_parted();
+    const bool parted = hil_lanes_take_diverged();
     const bool wide = wide_t(real_t::load(x)) > 0.0;
-    const bool parted_wide = hil_lanes_take_parted();
+    const bool parted_wide = hil_lanes_take_diverged();
     return answer != wide || parted != parted_wide ? -1 : static_cast<int>(answer) | static_cast<int>(parted) << 1;
 }
 
@@ -180,8 +180,8 @@ int lanes_cast(int other_lane) {
     if (other_lane >= 0) {
         x.set(other_lane, 4.75f);
     }
-    (void)hil_lanes_take_parted();
+    (void)hil_lanes_take_diverged();
     const int value = static_cast<int>(x);
-    return value + (hil_lanes_take_parted() ? 100 : 0);
+    return value + (hil_lanes_take_diverged() ? 100 : 0);
 }
 }

@@ -120,10 +120,10 @@ static bool fill_lanes(void) {
         configs[lane] = &bench.configs[lane];
     }
     for (int i = 0; i < 2; ++i) {
-        plans = bench.robots[0].guide.trajectory == &bench.plans[i][0] ? &bench.following[i] : plans;
+        plans = bench.robots[0].reference_generator.trajectory == &bench.plans[i][0] ? &bench.following[i] : plans;
     }
     for (int lane = 0; lane < HIL_LANES; ++lane) {
-        same = same && bench.robots[lane].guide.trajectory == (plans != NULL ? plans->plan[lane] : NULL);
+        same = same && bench.robots[lane].reference_generator.trajectory == (plans != NULL ? plans->plan[lane] : NULL);
     }
     same = same && hil_lanes_pack(&bench.core->robot, robots, bench.lanes_robot) &&
            hil_lanes_pack(&bench.core->config, configs, bench.lanes_config);
@@ -168,7 +168,7 @@ static void compare(void) {
     hil_lanes_unpack(&bench.core->robot, bench.lanes_robot, robots);
     hil_lanes_unpack(&bench.core->outputs, bench.lanes_outputs, outputs);
     for (int lane = 0; lane < HIL_LANES; ++lane) {
-        bench.robots_again[lane].guide.trajectory = plans != NULL ? plans->plan[lane] : NULL;
+        bench.robots_again[lane].reference_generator.trajectory = plans != NULL ? plans->plan[lane] : NULL;
         bench.tally.wrong +=
             differences("robot", lane, &bench.robots[lane], &bench.robots_again[lane], sizeof(omni_robot_t));
         bench.tally.wrong +=
@@ -181,7 +181,7 @@ static void tick_lanes(hil_lanes_plans_t *offered) {
     for (int lane = 0; lane < HIL_LANES; ++lane) {
         inputs[lane] = &bench.inputs[lane];
     }
-    (void)hil_lanes_take_parted();
+    (void)hil_lanes_take_diverged();
     if (!hil_lanes_pack(&bench.core->inputs, inputs, bench.lanes_inputs)) {
         bench.filled = false;
         ++bench.tally.unequal;
@@ -189,7 +189,7 @@ static void tick_lanes(hil_lanes_plans_t *offered) {
     }
     bench.core->offer(bench.lanes_inputs, offered);
     bench.core->tick(bench.lanes_robot, bench.lanes_inputs, bench.lanes_outputs);
-    bench.filled = !hil_lanes_take_parted();
+    bench.filled = !hil_lanes_take_diverged();
     bench.tally.parted += bench.filled ? 0u : 1u;
 }
 

@@ -71,7 +71,7 @@ class Eight:
         if member == "inputs":
             copy.trajectory = ffi.NULL
         if member == "robot":
-            copy.guide.trajectory = ffi.NULL
+            copy.reference_generator.trajectory = ffi.NULL
             copy.config = ffi.NULL
         return bytes(ffi.buffer(copy))
 
@@ -130,7 +130,7 @@ def test_on_ice_sensors_that_lead_at_other_times_are_the_same_in_lanes() -> None
 @pytest.fixture(autouse=True)
 def _best_level() -> Iterator[None]:
     yield
-    lib.hil_lanes_use(lib.HIL_LANES_BEST)
+    lib.hil_lanes_set_level(lib.HIL_LANES_BEST)
 
 
 @pytest.mark.parametrize(
@@ -138,7 +138,7 @@ def _best_level() -> Iterator[None]:
 )
 def test_runs_in_lanes_are_the_runs_alone(name: str) -> None:
     stats = assert_the_same(load_scenario(name))
-    assert stats.together > 0.8 * (stats.together + stats.alone)
+    assert stats.lane_ticks > 0.8 * (stats.lane_ticks + stats.scalar_ticks)
 
 
 def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
@@ -152,7 +152,7 @@ def test_bridges_that_chop_do_so_in_lanes_as_alone() -> None:
 def test_noise_levels_that_follow_the_innovations_do_so_in_lanes_as_alone() -> None:
     scenario = load_scenario("demo").with_parameters({**SHORT, "EKF_ADAPT": 0.1})
     stats = assert_the_same(scenario)
-    assert stats.together > 0.8 * (stats.together + stats.alone)
+    assert stats.lane_ticks > 0.8 * (stats.lane_ticks + stats.scalar_ticks)
 
 
 def test_bridges_that_open_and_a_supply_that_sags_do_so_in_lanes_as_alone() -> None:
@@ -177,7 +177,7 @@ def test_worn_wheels_on_patches_behind_gears_with_play_do_the_same_in_lanes(name
     scenario = load_scenario(name).with_parameters(SHORT).with_world({"backlash_rad": 0.01})
     scenario = replace(scenario, dispersion=spread, patches=PATCHES, wheel_numbers={"wheel_friction": (0.5, 1.0, 0.8)})
     stats = assert_the_same(scenario)
-    assert stats.together > 0.8 * (stats.together + stats.alone)
+    assert stats.lane_ticks > 0.8 * (stats.lane_ticks + stats.scalar_ticks)
 
 
 @pytest.mark.parametrize("change", [{"patches": PATCHES}, {"world": {"backlash_rad": 0.01}}])
@@ -191,8 +191,8 @@ def test_runs_on_another_floor_or_behind_other_gears_are_not_taken_together(chan
 
 @pytest.mark.parametrize("level", [lib.HIL_LANES_BASELINE, lib.HIL_LANES_AVX2], ids=["baseline", "avx2"])
 def test_any_processor_gives_the_same_bits(level: int) -> None:
-    lib.hil_lanes_use(level)
-    assert assert_the_same(load_scenario("demo")).together > 1000
+    lib.hil_lanes_set_level(level)
+    assert assert_the_same(load_scenario("demo")).lane_ticks > 1000
 
 
 def test_lanes_part_and_meet_again() -> None:
@@ -200,13 +200,13 @@ def test_lanes_part_and_meet_again() -> None:
     scenario = load_scenario("demo").with_parameters(SHORT)
     scenario = replace(scenario, world={**scenario.world, "fix_drop_probability": 0.01}, start_pose=(0.05, 0.0, 0.0))
     stats = assert_the_same(scenario)
-    assert stats.parted > 3
-    assert stats.together > stats.alone
+    assert stats.divergences > 3
+    assert stats.lane_ticks > stats.scalar_ticks
 
 
 @pytest.mark.parametrize("plant", ["full", "slip", "kinematic", "kinematic+motors", "linear"])
 def test_every_plant_runs_in_lanes(plant: str) -> None:
-    assert assert_the_same(replace(load_scenario("demo"), plant=plant)).together > 800
+    assert assert_the_same(replace(load_scenario("demo"), plant=plant)).lane_ticks > 800
 
 
 def test_more_edges_in_a_tick_than_32_bits_hold_are_the_same_in_lanes() -> None:
@@ -243,7 +243,7 @@ def test_runs_that_differ_in_kind_are_refused() -> None:
     mixed = ffi.new("hil_run_t *[8]", [*list(three.each)[:4], *list(four.each)[4:]])
     assert lib.hil_lanes_advance(mixed, 100) == 0
     assert [run.ticks for run in mixed] == [0] * RUNS
-    lib.hil_lanes_use(lib.HIL_LANES_NONE)
+    lib.hil_lanes_set_level(lib.HIL_LANES_NONE)
     assert lib.hil_lanes_advance(three.each, 100) == 0
 
 

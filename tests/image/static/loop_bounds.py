@@ -32,7 +32,7 @@ class LoopBounds:
     def __init__(self, image: Image, wheels: int, *, gyro: bool = False) -> None:
         self._image = image
         controllers = len(parameter_table()["CTL_MODE"].values)
-        columns = int(lib.OMNI_EKF_COLUMNS) if gyro else wheels
+        columns = int(lib.OMNI_EKF_ERROR_STATES) if gyro else wheels
         states = int(lib.OMNI_AXES) + columns
         self._named = {"wheels": wheels, "controllers": controllers, "columns": columns, "states": states}
         self._rules = tomllib.loads(TABLE.read_text())["loops"]

@@ -24,7 +24,7 @@ namespace {
 constexpr uint32_t warm_up_ticks = 400; ///< the power-up of the PWM chip, arming, the first fixes
 constexpr uint32_t measured_ticks = 640;
 
-alignas(8) uint8_t burst_memory[omni::usual_burst_bytes];
+alignas(8) uint8_t burst_memory[omni::default_burst_bytes];
 
 struct Figure {
     uint64_t sum = 0;
@@ -184,7 +184,7 @@ void Bench::read_flow(omni::TickSensors &sensors) {
     sensors.flow_moved[0] = cosine * dx + sine * dy + 1e-4f * random_normal(&random_);
     sensors.flow_moved[1] = cosine * dy - sine * dx + 1e-4f * random_normal(&random_);
     sensors.flow_moved[2] = turned;
-    sensors.flow_valid = OMNI_FLOW_XY | OMNI_FLOW_TURN | OMNI_FLOW_READ;
+    sensors.flow_valid = OMNI_FLOW_XY | OMNI_FLOW_TURN | OMNI_FLOW_RECEIVED;
     read_ = now;
 }
 

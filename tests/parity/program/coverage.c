@@ -36,7 +36,7 @@ static void note_armed(coverage_t *coverage, const scene_t *scene) {
     coverage->held += scene->robot.control.tracking && scene->robot.control.ticks > 1 ? 1u : 0u;
     coverage->cut += out->wheel_scale < 1.0f || out->duty_scale < 1.0f ? 1u : 0u;
     if (out->setpoint_kind == OMNI_SETPOINT_TRAJECTORY && out->reference.phase == OMNI_PHASE_PATH) {
-        const omni_trajectory_config_t *path = &scene->robot.guide.trajectory->config;
+        const omni_trajectory_config_t *path = &scene->robot.reference_generator.trajectory->config;
         ++coverage->path[path->type][path->rotation];
     }
     if (out->controller == OMNI_CTL_MODE_ISMC) {
@@ -64,13 +64,14 @@ void coverage_note(coverage_t *coverage, const scene_t *scene) {
         scene->robot.estimator.pose_ekf.restarts > 0 && scene->robot.estimator.pose_ekf.last_fix_us == scene->now_us
             ? 1u
             : 0u;
-    coverage->gyro_leads += scene->robot.estimator.gyro.turn.leads ? 1u : 0u;
-    coverage->gyro_rests += scene->robot.estimator.gyro.turn.rest ? 1u : 0u;
+    coverage->gyro_leads += scene->robot.estimator.gyro.turn.overrides_wheels ? 1u : 0u;
+    coverage->gyro_rests += scene->robot.estimator.gyro.turn.at_rest ? 1u : 0u;
     coverage->gyro_rejected += scene->robot.estimator.gyro.rejected ? 1u : 0u;
     const omni_flow_state_t *flow = &scene->robot.estimator.flow;
-    coverage->flow_used += flow->read_us == scene->now_us && flow->used > 0 && flow->good > 0 ? 1u : 0u;
-    coverage->flow_refused += flow->read_us == scene->now_us && flow->refused_in_row > 0 ? 1u : 0u;
-    coverage->currents_cut += out->current_cut > 0.0f ? 1u : 0u;
+    coverage->flow_used +=
+        flow->last_received_us == scene->now_us && flow->readings_used > 0 && flow->consecutive_fits > 0 ? 1u : 0u;
+    coverage->flow_refused += flow->last_received_us == scene->now_us && flow->consecutive_refusals > 0 ? 1u : 0u;
+    coverage->currents_cut += out->current_reduction > 0.0f ? 1u : 0u;
     if (out->state == OMNI_STATE_ARMED) {
         note_armed(coverage, scene);
     }

@@ -68,13 +68,13 @@ static const field_t fields[] = {
     REALS(flow_nis),
     WHOLE(flow_used),
     WHOLE(flow_refused),
-    WHOLE(flow_came),
-    WHOLE(flow_lost),
-    REALS(flow_off_rad),
+    WHOLE(flow_received),
+    WHOLE(flow_dropped),
+    REALS(flow_misalignment_rad),
     WHOLE(flow_usable),
-    WHOLE(flow_leads),
+    WHOLE(flow_overriding),
     REALS(motor_heat),
-    REALS(current_cut),
+    REALS(current_reduction),
     REALS(stop.current_A),
 };
 

@@ -52,12 +52,12 @@ void flow_read(flow_t *flow, const world_t *world, const omni_robot_config_t *co
     omni_sincosf(now->theta - 0.5f * turned, &sine, &cosine);
     const omni_real_t dx = now->x - flow->last.x;
     const omni_real_t dy = now->y - flow->last.y;
-    const omni_real_t x = cosine * dx + sine * dy - c->arm_m[1] * turned;
-    const omni_real_t y = cosine * dy - sine * dx + c->arm_m[0] * turned;
+    const omni_real_t x = cosine * dx + sine * dy - c->lever_arm_m[1] * turned;
+    const omni_real_t y = cosine * dy - sine * dx + c->lever_arm_m[0] * turned;
     flow->last = *now;
     const omni_real_t noise[2] = {1e-4f * random_normal(&flow->random), 1e-4f * random_normal(&flow->random)};
-    inputs->flow_moved[0] = (c->cosine * x + c->sine * y) / c->scale + noise[0];
-    inputs->flow_moved[1] = (c->cosine * y - c->sine * x) / c->scale + noise[1];
+    inputs->flow_moved[0] = (c->mount_cosine * x + c->mount_sine * y) / c->scale + noise[0];
+    inputs->flow_moved[1] = (c->mount_cosine * y - c->mount_sine * x) / c->scale + noise[1];
     inputs->flow_moved[2] = turned + 0.3f * noise[0];
     inputs->flow_valid = c->axes > 2 ? 15 : 11;
     if (flow->trouble == FLOW_STUCK) {

@@ -27,7 +27,7 @@ static bool make_config(int wheels, omni_real_t ekf_mode) {
 static void make_state(void) {
     ANYTHING(robot);
     robot.config = &config;
-    robot.guide.trajectory = NULL;
+    robot.reference_generator.trajectory = NULL;
     robot.estimator.pose_ekf.newest = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
     robot.estimator.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
     robot.estimator.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
@@ -45,12 +45,13 @@ static void make_state(void) {
     }
     robot.estimator.primed = any_bool();
     robot.applied.saturated = any_bool();
-    robot.margin.uncovered = any_bool();
-    robot.applied.off_track = any_bool();
-    robot.supervisor.speeds.fault = (uint32_t)any_bool() * (uint32_t)OMNI_FAULT_OVERSPEED; /* no case of its own */
+    robot.margin.violated = any_bool();
+    robot.applied.tracking_error_exceeded = any_bool();
+    robot.supervisor.speeds.overspeed_fault =
+        (uint32_t)any_bool() * (uint32_t)OMNI_FAULT_OVERSPEED; /* no case of its own */
     robot.supervisor.speeds.armed = any_bool();
-    robot.exciter.begun = any_bool();
-    robot.supervisor.current.hot = any_bool();
+    robot.excitation.started = any_bool();
+    robot.supervisor.current.overheated = any_bool();
     omni_gyro_state_t *gyro = &robot.estimator.gyro;
     gyro->ready = any_bool();
     gyro->trouble = any_bool();

@@ -35,7 +35,7 @@ SMALL = tuple(
     f"*/shared/core/src/{part}.c"
     for part in (
         *("config/params", "config/robot_config", "control/laws_config", "reference/trajectory_plan"),
-        *("estimate/flow", "estimate/pose_ekf_doubt", "estimate/pose_ekf_flow", "model/motor"),
+        *("estimate/flow", "estimate/pose_ekf_inflate", "estimate/pose_ekf_flow", "model/motor"),
     )
 )
 

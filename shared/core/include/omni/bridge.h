@@ -2,7 +2,7 @@
 /**
  * @file bridge.h
  * Duty of an H-bridge with two PWM inputs (DRV8871) as 12-bit counts, in drive-brake mode. One input is held high,
- * the other is low for the share |duty|. So the mean voltage is duty * supply. Both low: coast.
+ * the other is low for the fraction |duty| of the period. So the mean voltage is duty * supply. Both low: coast.
  */
 #ifndef OMNI_BRIDGE_H
 #define OMNI_BRIDGE_H

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file feedback_linearization.h
- * P, PD and PID control of the pose after feedback linearisation. They assume that the wheels roll without slip.
+ * P, PD and PID control of the pose after feedback linearisation. Assumes wheels that roll without slip.
  *
  * With e = xi - xi_d (heading error wrapped), per axis of the world frame:
  *
- *   u = xi'_d - K_p e - K_d e' - K_i integral(e)            wanted world twist [report eq. 33-38]
+ *   u = xi'_d - K_p e - K_d e' - K_i integral(e)            world twist command [report eq. 33-38]
  *
- * K_d = 0 and K_i = 0 make it P, K_i = 0 makes it PD. The integral is limited; the report's eq. 38 has no limit. Gains
+ * P: K_d = K_i = 0; PD: K_i = 0. The integral is limited; the report's eq. 38 has no limit. Gains
  * are rates: K_p here is the report's K_p divided by its time step T.
  */
 #ifndef OMNI_FEEDBACK_LINEARIZATION_H

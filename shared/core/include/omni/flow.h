@@ -1,52 +1,52 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file flow.h
- * A sensor of motion over the floor: its readings correct the pose EKF, or are left out.
+ * Floor odometry sensor (optical flow or dead wheels): plausibility, qualification and use of its readings to correct
+ * the pose EKF.
  *
- * It may be an optical sensor, or wheels that only measure. A reading says how far a point of the body has moved since
- * the reading before, in the sensor's axes. It may say how far the body has turned, too:
+ * Why: it measures slip and wheel spin, which encoders cannot see. A reading is the displacement of a point of the body
+ * since the previous reading, in the sensor's axes, and optionally the turn of the body:
  *
- *   z_xy = scale R(angle) reading_xy        in body axes, of mid-way [m]
- *   z_th = reading_turn                     counter-clockwise [rad]
+ *   z_xy = scale R(mounting angle) reading_xy        in the body axes at mid-interval [m]
+ *   z_th = reading_turn                              counter-clockwise [rad]
  *
- * The wheels predict the same from the pose EKF's history. What the two differ by corrects slip ratios and pose
- * (omni/pose_ekf.h). A reading replaces nothing.
+ * The wheels predict the same displacement from the pose EKF's history. The residual corrects slip ratios and pose
+ * (omni/pose_ekf.h).
  *
- * Bits 0 to 2 of `valid` say that x, y and the turn are good. Bit 3 says that a reading came, good or not: the next one
- * counts from here. So a drop-out is bit 3 alone. A reading without bit 3 is not looked at.
+ * `valid`: bits 0 to 2 are set if x, y and turn are valid. Bit 3 is set if a reading was received, valid or not: the
+ * next one is relative to it. So a dropped reading is bit 3 alone. Without bit 3 the reading is ignored.
  *
- * Left out is a reading that is not finite, or larger than any robot moves meanwhile. So is one that does not fit: its
- * normalised innovation squared is beyond the gate. After OMNI_FLOW_DOUBT of these in a row the floor may have changed.
- * The slip ratios count as unknown then, if the ways differ by less than half. So they do once more every
- * OMNI_FLOW_AGAIN readings. A sensor that has never been used must point right for that, see below.
+ * **Rejection.** A reading is rejected if it is not finite, larger than any robot can move meanwhile, or beyond the
+ * gate (NIS). After OMNI_FLOW_INFLATE_AFTER consecutive rejections the floor may have changed: the slip covariance is
+ * inflated, and again every OMNI_FLOW_INFLATE_PERIOD readings, if the residual is less than half of the distance. A
+ * sensor that has never been used must have a verified alignment for that (below).
  *
- * It is silent after OMNI_FLOW_HOLD_TICKS without a good reading, until one comes. It is in trouble after
- * OMNI_FLOW_REFUSED that do not fit, or if most of its last readings do not. So it is while it says exactly zero
- * and the wheels have moved by more than 20 mm. It may also repeat itself: the same reading, not zero,
- * OMNI_FLOW_REPEATS times. If the wheels say another way by then, by 1 mm and a tenth of it, that is trouble, too.
- * Their slip is left out of this comparison, or it would hide that. The wheels count alone then, until
- * OMNI_FLOW_GOOD readings of a robot that moves fit in a row. A sensor that was silent must prove itself in the
- * same way before it counts.
+ * **Timeout and faults.** It has timed out after OMNI_FLOW_TIMEOUT_TICKS without a valid reading. It is faulty
+ *   - after OMNI_FLOW_FAULT_AFTER consecutive rejections, or if most of its last readings were rejected;
+ *   - while it reads exactly zero and the wheels have moved by more than 20 mm;
+ *   - if it repeats the same nonzero reading OMNI_FLOW_STUCK_AFTER times while the wheels' motion has changed by more
+ *     than 1 mm and a tenth. Slip ratios are not used in this comparison: they would adapt to the stuck value.
+ * Then only the wheels are used, until OMNI_FLOW_QUALIFY_AFTER readings in a row of a moving robot are within the gate.
+ * After a timeout it must qualify in the same way.
  *
- * Wheels that spin, or slide, are no slip that a ratio could say. A sensor that has been right is then believed, and
- * the wheels are not: it leads. It must be known to point right, see below, and have fitted OMNI_FLOW_LEAD times over
- * ways far beyond its noise. A reading whose speed differs from the one before by more than OMNI_FLOW_MOST_M_S2 is left
- * out, and it must fit as often anew. One that leads counts as one that does not fit, but for "in trouble": that comes
- * after OMNI_FLOW_LED of them. Five in a row that fit end this.
+ * **Override.** No slip ratio describes wheels that spin or slide. Then a reading beyond the gate replaces the wheels'
+ * motion. Conditions: its alignment is verified (below), and OMNI_FLOW_OVERRIDE_AFTER readings over distances far
+ * beyond its noise were within the gate. A reading whose speed differs from the one before by more than
+ * OMNI_FLOW_MAX_ACCELERATION_M_S2 is rejected and clears that number. An overriding reading counts as a misfit except
+ * for the fault, which is raised after OMNI_FLOW_MAX_OVERRIDES of them. Five in a row within the gate end the override.
  *
- * A sensor that points elsewhere is taken for slip. But slip makes ways shorter and longer, and does not turn them:
- * B+ diag(s) B is symmetric in x and y. (So it is for wheels that stand evenly.) Let d be the ways of the wheels
- * without slip. Let z = A d hold in least squares over the last ways of about 2 m. Then the direction is off by
+ * **Misalignment.** A wrong mounting angle looks like slip. But slip shortens and lengthens displacements and does not
+ * rotate them: B+ diag(s) B is symmetric in x and y (for evenly spaced wheels). With d the displacement by the wheels
+ * without slip and z = A d fitted by least squares over about the last 2 m, the misalignment is
  *
  *   psi = atan2(A_yx - A_xy, A_xx + A_yy)
  *
- * It is known once the robot has moved in two directions, and by more than noise. A wheel that spins turns the way,
- * too, but it also changes the turn of the body, or the way's length. So readings where that is much are left out. Of
- * those that lead, only ones where it is little count, after OMNI_FLOW_ODD in a row. Beyond 0.15 rad the sensor is in
- * trouble, until psi is below 0.075 rad. (While it leads, and the turn is not measured by it, beyond 0.25 rad.) What it
- * has taught is then taken back. That is the slip ratios, and how far its readings have moved the pose. This goes back
- * by about 2 m of way, and to the last pose fix at most. The same is done if it does not fit within the first 2 m of
- * its use.
+ * It is known once the robot has moved in two directions, and by more than noise. A spinning wheel rotates the
+ * displacement, too, but also changes the turn of the body, or the length. So readings with such a change are left out.
+ * Of overriding readings only those without it are used, after OMNI_FLOW_MISALIGNED_AFTER in a row. Beyond 0.15 rad the
+ * sensor is faulty, until psi is below 0.075 rad (beyond 0.25 rad while it overrides and does not measure the turn).
+ * Its corrections are then undone: the slip ratios, and the pose corrections over the last 2 m or since the last fix.
+ * The same is done if it does not fit within the first 2 m of its use.
  */
 #ifndef OMNI_FLOW_H
 #define OMNI_FLOW_H
@@ -55,91 +55,90 @@
 #include "omni/types.h"
 
 enum {
-    OMNI_FLOW_HOLD_TICKS = 200, /**< ticks without a good reading after which it counts as silent */
-    OMNI_FLOW_GOOD = 5,         /**< readings in a row that fit before it is used; the robot must move */
-    OMNI_FLOW_DOUBT = 10,       /**< refused ones in a row after which the slip ratios count as unknown, */
-    OMNI_FLOW_AGAIN = 50,       /**< and again after so many */
-    OMNI_FLOW_REFUSED = 20,     /**< refused ones in a row after which it is in trouble */
-    OMNI_FLOW_REPEATS = 5,      /**< equal ones in a row that may be those of a sensor that has hung up */
-    OMNI_FLOW_LEAD = 20,        /**< that fitted before it is believed against the wheels */
-    OMNI_FLOW_LED = 500,        /**< most for which it is, */
-    OMNI_FLOW_ODD = 25          /**< of them in a row, as if it pointed elsewhere, before they tell where */
+    OMNI_FLOW_TIMEOUT_TICKS = 200,  /**< ticks without a valid reading after which it has timed out */
+    OMNI_FLOW_QUALIFY_AFTER = 5,    /**< consecutive readings within the gate, of a moving robot, before it is used */
+    OMNI_FLOW_INFLATE_AFTER = 10,   /**< consecutive misfits after which the slip covariance is inflated, */
+    OMNI_FLOW_INFLATE_PERIOD = 50,  /**< and further misfits until it is inflated again */
+    OMNI_FLOW_FAULT_AFTER = 20,     /**< consecutive rejections after which it is faulty */
+    OMNI_FLOW_STUCK_AFTER = 5,      /**< equal readings in a row after which it may be stuck */
+    OMNI_FLOW_OVERRIDE_AFTER = 20,  /**< readings within the gate before it may override the wheels */
+    OMNI_FLOW_MAX_OVERRIDES = 500,  /**< overriding readings after which it is no longer allowed to */
+    OMNI_FLOW_MISALIGNED_AFTER = 25 /**< consecutive overriding readings that look misaligned before psi uses them */
 };
 
-#define OMNI_FLOW_MOST_M_S2 8.0f /**< wheels on a floor speed up and brake no faster, m/s^2 */
+#define OMNI_FLOW_MAX_ACCELERATION_M_S2 8.0f /**< more than wheels can accelerate a robot on any floor, m/s^2 */
 
 /** Bits of omni_flow_tick_t::valid. */
-enum { OMNI_FLOW_XY = 3, OMNI_FLOW_TURN = 4, OMNI_FLOW_READ = 8 };
+enum { OMNI_FLOW_XY = 3, OMNI_FLOW_TURN = 4, OMNI_FLOW_RECEIVED = 8 };
 
 typedef struct omni_flow_config_t {
-    uint8_t axes;         /**< 0: no sensor; 2: it measures x and y; 3: and the turn */
-    omni_real_t cosine;   /**< of its x axis, seen from the body's */
-    omni_real_t sine;     /**< the same */
-    omni_real_t scale;    /**< true way over reading */
-    omni_real_t arm_m[2]; /**< where it is, body frame */
-    omni_real_t r_xy;     /**< variance of x and of y of a reading, m^2 */
-    omni_real_t r_share;  /**< the same as a share of the way squared, added */
-    omni_real_t r_turn;   /**< rad^2 */
-    uint32_t delay_us;    /**< from the end of what it measures to the tick that gets it */
+    uint8_t axes;               /**< 0: no sensor; 2: x and y; 3: x, y and turn */
+    omni_real_t mount_cosine;   /**< cosine of the mounting angle: sensor's x axis in the body frame */
+    omni_real_t mount_sine;     /**< sine of the mounting angle */
+    omni_real_t scale;          /**< true / measured distance */
+    omni_real_t lever_arm_m[2]; /**< position of the sensor, body frame */
+    omni_real_t r_xy;           /**< variance of x and of y of a reading, m^2 */
+    omni_real_t r_relative;     /**< additional variance as a fraction of the distance squared */
+    omni_real_t r_turn;         /**< variance of the turn of a reading, rad^2 */
+    uint32_t delay_us;          /**< latency: end of the measured interval to the tick that gets the reading */
 } omni_flow_config_t;
 
-/** What a tick is told. */
+/** Sensor input of one tick. */
 typedef struct omni_flow_tick_t {
     uint64_t time_us;           /**< robot clock */
-    const omni_real_t *reading; /**< x, y [m], turn [rad] since the reading before; any value */
-    uint8_t valid;              /**< bits, see above */
-    bool timed;                 /**< the tick came in time */
+    const omni_real_t *reading; /**< x, y [m], turn [rad] since the previous reading; any value */
+    uint8_t valid;              /**< bits OMNI_FLOW_* */
+    bool interval_valid;        /**< the tick had its nominal period */
 } omni_flow_tick_t;
 
-/** What it keeps from tick to tick. All zero: never used. */
+/** State of the sensor's supervision. All zero: never used. "In a row" ends with the first reading that differs. */
 typedef struct omni_flow_state_t {
-    uint64_t time_us;           /**< of the last tick */
-    omni_flow_config_t config;  /**< of that tick */
-    uint64_t read_us;           /**< tick of the last reading, good or not; 0: none */
-    uint64_t good_us;           /**< of the last good one, or when it began */
-    omni_flag_t trouble;        /**< readings do not fit, or hang, or it points elsewhere */
-    omni_flag_t silent;         /**< readings are missing, or cannot be true */
-    omni_flag_t trusted;        /**< it has proved itself since it was last in trouble or silent */
-    omni_uint_t good;           /**< readings in a row that fitted while the robot moved */
-    omni_uint_t refused_in_row; /**< that did not fit */
-    omni_uint_t used;           /**< readings so far */
-    omni_uint_t refused;
-    omni_uint_t unfit_in_row; /**< the same, with those that led */
-    omni_uint_t long_fits;    /**< that fitted since it was last in trouble, over ways far beyond its noise */
-    omni_uint_t led;          /**< that counted in the wheels' place; each that fits takes one off */
-    omni_uint_t odd_in_row;   /**< those of them in a row that are as if the sensor pointed elsewhere */
-    omni_flag_t odd;          /**< so is the last reading */
-    omni_flag_t tells;        /**< it says something of where the sensor points: no wheel spins or slides */
-    omni_flag_t leads;        /**< the last one led, and five in a row have not fitted since */
-    omni_flag_t right;        /**< it has been known to point right since it was last in trouble */
-    uint64_t pace_us;         /**< tick of the last reading that can be true */
-    omni_real_t pace_m_s[2];  /**< its speed, body axes */
-    omni_real_t still_m[2];   /**< way of the wheels beyond it, along each axis on which it has said nothing since */
-    omni_real_t
-        led_way[OMNI_AXES];       /**< how far those that led have moved the pose beyond the wheels: world, m, m, rad */
-    omni_real_t sum[OMNI_AXES];   /**< readings so far that can be true, in body axes: m, m, rad */
-    omni_real_t zero_m[2];        /**< way of the wheels over which it said nothing but zero, body axes added up */
-    omni_real_t nis;              /**< normalised innovation squared of the last reading */
-    omni_real_t last[2];          /**< x and y of the last reading that can be true */
-    omni_uint_t repeats;          /**< readings in a row that were the same as the one before, and not zero */
-    omni_real_t rolled_m[2];      /**< what the wheels said at the first of them, without slip */
-    omni_flag_t frozen;           /**< they repeat themselves, and the wheels say another way by now */
-    omni_uint_t came;             /**< readings so far, good or not */
-    omni_uint_t lost;             /**< those that came without a way */
-    omni_real_t refused_share;    /**< of the last ones, about fifty: those that did not fit */
-    omni_real_t way_m;            /**< over which the following sums reach back */
-    omni_real_t wheels_m2[3];     /**< of d_x d_x, d_x d_y, d_y d_y */
-    omni_real_t both_m2[2][2];    /**< of z d^T */
-    omni_real_t led_m;            /**< way of readings without a turn that led, of the last 2 m */
-    omni_flag_t knows;            /**< the direction is known */
-    omni_flag_t askew;            /**< it is wrong, or was when it was last known */
-    omni_real_t off_rad;          /**< psi above; 0 while it is not known */
-    omni_real_t taken[OMNI_AXES]; /**< how far readings have moved the pose over the same way: world, m, m, rad */
-    omni_uint_t fixes;            /**< pose fixes used until then */
-    omni_real_t counted_m;        /**< way over which readings have been used since anything was taken back */
+    uint64_t time_us;             /**< of the last tick */
+    omni_flow_config_t config;    /**< of the last tick: a change restarts the qualification */
+    uint64_t last_received_us;    /**< tick of the last reading, valid or not; 0: none */
+    uint64_t last_valid_us;       /**< tick of the last valid reading, or of the start */
+    omni_flag_t faulty;           /**< rejected too often, stuck, or misaligned */
+    omni_flag_t timed_out;        /**< no valid reading for OMNI_FLOW_TIMEOUT_TICKS */
+    omni_flag_t qualified;        /**< it may be used: OMNI_FLOW_QUALIFY_AFTER since it was last faulty or timed out */
+    omni_uint_t consecutive_fits; /**< readings in a row within the gate while the robot moved */
+    omni_uint_t consecutive_refusals;   /**< readings in a row beyond the gate, overriding ones left out */
+    omni_uint_t readings_used;          /**< number of readings that corrected the estimate */
+    omni_uint_t readings_rejected;      /**< number of readings that were implausible or beyond the gate */
+    omni_uint_t consecutive_misfits;    /**< readings in a row beyond the gate, overriding ones included */
+    omni_uint_t long_distance_fits;     /**< readings within the gate over distances far beyond noise, since a fault */
+    omni_uint_t override_count;         /**< overriding readings, minus one for each reading within the gate */
+    omni_uint_t consecutive_misaligned; /**< overriding readings in a row that look like a misaligned sensor */
+    omni_flag_t misalignment_suspected; /**< the last reading differs from the wheels' by a rotation only */
+    omni_flag_t informative;            /**< the last reading may be used for psi: no wheel spins or slides */
+    omni_flag_t overriding;         /**< the wheels are overridden; ends after five readings in a row within the gate */
+    omni_flag_t alignment_verified; /**< |psi| has been below 0.075 rad since it last qualified */
+    uint64_t last_plausible_us;     /**< tick of the last plausible reading */
+    omni_real_t last_speed_m_s[2];  /**< speed by that reading, body axes */
+    omni_real_t unseen_distance_m[2]; /**< distance by the wheels along each axis since it last reported motion there */
+    omni_real_t override_displacement[OMNI_AXES]; /**< pose correction by overriding readings: world, m, m, rad */
+    omni_real_t sum[OMNI_AXES];                   /**< sum of all plausible readings in body axes: m, m, rad */
+    omni_real_t zero_reading_m[2]; /**< displacement by the wheels while the readings are zero, body axes summed up */
+    omni_real_t nis;               /**< normalised innovation squared of the last reading */
+    omni_real_t last_reading[2];   /**< x and y of the last plausible reading, sensor axes */
+    omni_uint_t repeated_readings; /**< readings in a row equal to the one before, and not zero */
+    omni_real_t wheels_at_first_repeat_m[2]; /**< displacement by the wheels, without slip, at the first of them */
+    omni_flag_t stuck;                       /**< readings repeat although the wheels' motion has changed */
+    omni_uint_t received;                    /**< number of readings, valid or not */
+    omni_uint_t dropped;                     /**< number of readings without a valid x and y */
+    omni_real_t rejection_rate;              /**< fraction of rejected readings, low-pass over about fifty */
+    omni_real_t alignment_distance_m;        /**< distance within the window of the least-squares sums below */
+    omni_real_t wheel_moments_m2[3];         /**< sums of d_x d_x, d_x d_y, d_y d_y */
+    omni_real_t cross_moments_m2[2][2];      /**< sum of z d^T */
+    omni_real_t override_distance_m;         /**< distance of overriding readings without a turn within the last 2 m */
+    omni_flag_t direction_known;             /**< `misalignment_rad` is valid */
+    omni_flag_t misaligned;                  /**< psi is, or was when last known, beyond the threshold */
+    omni_real_t misalignment_rad;            /**< psi; 0 while it is not known */
+    omni_real_t accumulated_correction[OMNI_AXES]; /**< pose correction within the window: world, m, m, rad */
+    omni_uint_t fixes;                             /**< number of pose fixes used at the last reading */
+    omni_real_t used_distance_m;                   /**< distance of readings used since corrections were last undone */
 } omni_flow_state_t;
 
-/** One tick, after the pose EKF's prediction. @return false while the readings cannot be used. */
+/** One tick, after the pose EKF's prediction. @return false while the sensor is faulty or timed out. */
 omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
                            omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
                            const omni_kinematics_t *k);

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file ismc.h
- * Integral sliding mode controller of the pose. Use it where wheels slip. It holds the robot on its path as long as
- * its switching gain k covers what the slip estimate misses.
+ * Integral sliding mode controller of the pose. Why: it rejects wheel slip as long as the switching gain k exceeds the
+ * error of the slip estimate.
  *
  * With e = xi - xi_d (heading error wrapped), per axis of the world frame:
  *
  *   s   = e + lambda * integral(e)                          [report eq. 39]
- *   u   = xi'_d - lambda e - k sw(s)                        wanted world twist [report eq. 41-43, before B / r]
+ *   u   = xi'_d - lambda e - k sw(s)                        world twist command [report eq. 41-43, before B / r]
  *
  * and sw is one of
  *
@@ -15,7 +15,7 @@
  *   boundary layer  sw = clamp(s / phi, -1, 1)
  *   super-twisting  sw = sqrt|s / phi| sign(s) + w,   w' = k / (2 phi) sign(s),   |w| <= 1
  *
- * The slip v_s enters later, where the twist becomes wheel speeds: phi' = (B u + v_s) / r, omni_kinematics_inverse.
+ * The slip v_s is compensated later, in the inverse kinematics: phi' = (B u + v_s) / r, omni_kinematics_inverse.
  * The error reaches zero if k >= eta + |B+ (v_s - v_s_hat)| per axis, with some eta > 0 [report eq. 44, corrected].
  * In print [report eq. 40] lacks the dot of xi'_d, and [report eq. 42] the factor 1 / r.
  */
@@ -44,7 +44,7 @@ typedef struct omni_control_terms_t {
     omni_real_t error[OMNI_AXES];
     omni_real_t integral[OMNI_AXES];
     omni_real_t surface[OMNI_AXES];    /**< s (ISMC), else 0 */
-    omni_real_t equivalent[OMNI_AXES]; /**< continuous part of the wanted world twist (direct torque: acceleration) */
+    omni_real_t equivalent[OMNI_AXES]; /**< continuous part of the world twist command (direct torque: acceleration) */
     omni_real_t
         switching[OMNI_AXES]; /**< switching (ISMC), integral + derivative (PID), derivative (direct torque) part */
 } omni_control_terms_t;
@@ -53,15 +53,15 @@ void omni_ismc_reset(omni_ismc_state_t *state);
 
 /**
  * One tick. @param hold_integral true while the wheels are saturated: the integral does not grow (anti-windup).
- * @return the wanted world twist.
+ * @return world twist command.
  */
 omni_twist_t omni_ismc_step(omni_ismc_state_t *state, const omni_ismc_config_t *config, const omni_pose_t *pose,
                             const omni_pose_t *reference, const omni_twist_t *reference_rate, omni_flag_t hold_integral,
                             omni_control_terms_t *terms);
 
 /**
- * Margin of the gain condition [report eq. 44] per axis: k - |B+ (v_s - v_s_hat)|; positive means the switching gain
- * covers the slip error.
+ * Margin of the gain condition [report eq. 44] per axis: k - |B+ (v_s - v_s_hat)|; positive: the switching gain exceeds
+ * the slip error.
  * @param b_pinv_slip_error world twist B+ (v_s - v_s_hat).
  */
 void omni_ismc_gain_margin(const omni_ismc_config_t *config, const omni_twist_t *b_pinv_slip_error,

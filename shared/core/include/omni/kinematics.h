@@ -52,29 +52,30 @@ void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *bod
 void omni_kinematics_forward(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s, const omni_real_t *slip_m_s,
                              omni_twist_t *body);
 
-/** n^T r phi' [m/s]: the part of the wheel speeds no rolling motion explains. 0 for three wheels. */
+/** n^T r phi' [m/s]: component of the rim speeds that is inconsistent with pure rolling. 0 for three wheels. */
 omni_real_t omni_kinematics_slip_residual(const omni_kinematics_t *k, const omni_real_t *wheel_rad_s);
 
-/** The body that the wheels move, in units of what one wheel turns by itself: its inertia J, with gear and motor. */
+/** Mass and inertia of the body relative to the inertia J of one wheel with gear and motor. */
 typedef struct omni_body_load_t {
-    bool used;           /**< false: the wheels carry nothing */
+    bool used;           /**< false: no body inertia is added */
     omni_real_t mass_m2; /**< m / J [1/m^2] */
     omni_real_t inertia; /**< I / J, about the centre */
 } omni_body_load_t;
 
 /**
- * Add the body to wheel accelerations: J times the result is the torque that moves wheel and body, friction left out.
+ * Add the body's inertia to wheel accelerations: J times the result is the torque that accelerates wheel and body,
+ * without friction.
  *
  *   phi''_i += r_i [ (B+)^T diag(m, m, I) a ]_i / J        least norm for four wheels
  *
  * Derived in docs/concepts/derivations/feed_forward.md. As many entries as there are wheels are read and written.
- * @param felt a [m/s^2, rad/s^2]: acceleration over the ground, in the body frame: R xi''. That is not the rate of
- *        change of the body twist, which leaves out the turning frame.
+ * @param acceleration a [m/s^2, rad/s^2]: inertial acceleration in body axes, R xi''. Not the time derivative of the
+ *        body twist, which lacks the term of the rotating frame.
  */
-void omni_kinematics_add_body(const omni_kinematics_t *k, const omni_body_load_t *load, const omni_twist_t *felt,
-                              omni_real_t *wheel_rad_s2);
+void omni_kinematics_add_body_inertia(const omni_kinematics_t *k, const omni_body_load_t *load,
+                                      const omni_twist_t *acceleration, omni_real_t *wheel_rad_s2);
 
-/** Sine and cosine of a heading, for turning several twists by it. */
+/** Sine and cosine of a heading, computed once to rotate several twists. */
 typedef struct omni_rotation_t {
     omni_real_t sine;
     omni_real_t cosine;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file math.h
- * The few functions the core needs instead of libm. They use IEEE-exact operations only (+ - * / sqrt, integer
- * conversion), so x86-64 and Cortex-M7 give the same bits.
+ * Replacement for libm. Why: only IEEE-exact operations are used (+ - * / sqrt, integer
+ * conversion), so x86-64 and Cortex-M7 give identical bits.
  */
 #ifndef OMNI_MATH_H
 #define OMNI_MATH_H

@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file motor.h
- * Brushed DC motor with its gear, all quantities as seen at the wheel:
+ * Brushed DC motor with gear, all quantities referred to the wheel:
  *
  *   J w' + b w = K i                                        torque balance [report eq. 24]
  *   L i' + R i = V - K w                                    winding [report eq. 25]
  *
- * As a state equation, with the angle as a third state [report eq. 26, 27, which leave it out]:
+ * As a state equation, with the angle as a third state [report eq. 26, 27, without the angle]:
  *
  *   (angle, w, i)' = M (angle, w, i) + (0, 0, 1 / L) V,     M = [ 0  1  0;  0  -b/J  K/J;  0  -K/L  -R/L ]
  *

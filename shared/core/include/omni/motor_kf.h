@@ -14,8 +14,8 @@
  *
  * OMNI_KF_MODE_SPEED (the report's): state (w, i), measures the speed from differenced counts, C = [1 0].
  * OMNI_KF_MODE_ANGLE: state (angle, w, i), measures the encoder angle in counts, C = [1 0 0]. At 1 kHz one count per
- * tick is 0.6 rad/s, so differencing drowns the speed in quantisation; measuring the angle does not. The angle is kept
- * relative to the latest count, so that hours of turning cost no precision.
+ * tick is 0.6 rad/s, so quantisation dominates a differenced speed, but not the angle. The angle is kept relative to
+ * the latest count, so that precision does not degrade over hours.
  * OMNI_KF_MODE_OFF: differenced counts, no filter.
  */
 #ifndef OMNI_MOTOR_KF_H
@@ -44,12 +44,12 @@ typedef struct omni_motor_kf_state_t {
     uint16_t missed;                 /**< ticks since the latest valid count */
 } omni_motor_kf_state_t;
 
-/** At rest, no current, with the covariance of not knowing better than 1 rad/s and 1 A. */
+/** Reset to rest and no current, with standard deviations 1 rad/s and 1 A. */
 void omni_motor_kf_reset(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config);
 
 /**
- * The counter has jumped by an unknown amount, and the next delta counts from there. The new count is taken to be at
- * the estimated angle. Call it after the step that was given valid = false for the jump.
+ * Rebase the angle after the counter has jumped by an unknown amount: the new count is assigned the estimated angle.
+ * Call it after the step with valid = false for the jump.
  */
 void omni_motor_kf_rebase(omni_motor_kf_state_t *state);
 
@@ -57,15 +57,15 @@ void omni_motor_kf_rebase(omni_motor_kf_state_t *state);
  * One tick: predict with the voltage applied since the last tick, correct with the counts moved since then (Joseph
  * form).
  * @param voltage_V  not finite counts as 0.
- * @param delta_counts  count increment since the last valid one, over all the ticks in between.
- * @param valid  false: predict only (no trustworthy count this tick; OFF keeps the last speed).
+ * @param delta_counts  count increment since the last valid count.
+ * @param valid  false: predict only (OFF: keep the last speed).
  * @return the wheel speed estimate [rad/s].
  */
 omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf_config_t *config,
                                omni_real_t voltage_V, omni_int_t delta_counts, bool valid);
 
 /**
- * One tick of mode SPEED with a speed that was measured as such, whatever config->mode says.
+ * One tick of mode SPEED with a directly measured speed; config->mode is ignored.
  * @param voltage_V  not finite counts as 0.
  * @param speed_rad_s  not finite: predict only.
  * @return the wheel speed estimate [rad/s].

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file params.h
- * The parameter table: everything tunable, addressed by index, generated from shared/params.toml. A parameter set is a
+ * Parameter table, generated from shared/params.toml, addressed by index. A parameter set is a
  * plain array of OMNI_PARAM_COUNT values.
  */
 #ifndef OMNI_PARAMS_H
@@ -25,10 +25,10 @@ typedef struct omni_param_info_t {
     omni_real_t initial; /**< default */
     uint8_t kind;        /**< omni_param_kind_t */
     uint8_t locked_while_armed;
-    uint16_t storage_key; /**< of the name; no two parameters have the same: a stored value is found by it */
+    uint16_t storage_key; /**< hash of the name, unique in the table; identifies a stored value */
 } omni_param_info_t;
 
-/** A robot file compiled in. */
+/** Parameter set of a built-in robot file. */
 typedef struct omni_builtin_robot_t {
     const char *name;
     omni_real_t values[OMNI_PARAM_COUNT];

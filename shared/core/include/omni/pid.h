@@ -23,15 +23,15 @@ typedef struct omni_pid_state_t {
 
 void omni_pid_reset(omni_pid_state_t *state);
 
-/** One step. @param feed_forward added to the output. @return unlimited output; tell omni_pid_limited what became of
- *  it. Where an input or the result isn't finite the state stays as it was and 0 is returned. */
+/** One step. @param feed_forward added to the output. @return unlimited output; report the applied value with
+ *  omni_pid_limited. If an input or the result isn't finite the state is unchanged and 0 is returned. */
 omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t reference,
                           omni_real_t measurement, omni_real_t feed_forward);
 
 /**
- * Anti-windup: `wanted` was returned by step, `applied` reached the actuator. What was cut is taken back from the
- * integral with the time constant kp / ki (at once if that is shorter than a step). In a lasting limit integral +
- * feed-forward settle at what is applied. Values that aren't finite are ignored.
+ * Anti-windup by back-calculation: `wanted` was returned by step, `applied` reached the actuator. The integral is
+ * corrected by the difference with the time constant kp / ki (at once if that is shorter than a step), so that in
+ * lasting saturation integral + feed-forward converge to the applied value. Values that aren't finite are ignored.
  */
 void omni_pid_limited(omni_pid_state_t *state, const omni_pid_config_t *config, omni_real_t wanted,
                       omni_real_t applied);

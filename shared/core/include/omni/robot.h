@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file robot.h
- * The whole control core as one step: omni_robot_tick. Firmware, PC process, emulator, Python and Monte Carlo call
- * this.
+ * The complete control core as one function per tick: omni_robot_tick. It is called by firmware, PC process, emulator,
+ * Python and Monte Carlo.
  *
  * Ownership: the caller owns every struct. The configuration is read through a pointer and never written by the tick.
  * To change parameters, build a second omni_robot_config_t and hand it over with omni_robot_set_config between two
@@ -30,20 +30,20 @@
 enum {
     OMNI_TICK_US = 1000,       /**< nominal tick period */
     OMNI_TICK_JUMP_US = 10000, /**< a step longer than this raises OMNI_FAULT_TIME */
-    OMNI_SPEED_LOOKS = 4,      /**< that a wheel must stay too fast: half a second */
-    OMNI_SPEED_TICKS = 127,    /**< between looks at the wheels' speeds; prime: no periodic chatter hides from it */
-    OMNI_ENCODER_TICKS = 3,    /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
-    OMNI_BATTERY_TICKS = 50    /**< low readings in a row that raise OMNI_FAULT_BATTERY */
+    OMNI_OVERSPEED_CHECKS = 4, /**< consecutive checks with overspeed that raise OMNI_FAULT_OVERSPEED: half a second */
+    OMNI_OVERSPEED_CHECK_TICKS = 127, /**< ticks between checks; prime: not in phase with periodic chatter */
+    OMNI_ENCODER_TICKS = 3,           /**< impossible or missing counts in a row that raise OMNI_FAULT_ENCODER */
+    OMNI_BATTERY_TICKS = 50           /**< low readings in a row that raise OMNI_FAULT_BATTERY */
 };
 
-/** Limits and time-outs, from the parameters LIM_*, SAFE_*, FIX_TIMEOUT, TRJ_MARGIN and BAT_*. */
+/** Limits and timeouts, from the parameters LIM_*, SAFE_*, FIX_TIMEOUT, TRJ_MARGIN and BAT_*. */
 typedef struct omni_limits_t {
     omni_real_t wheel_rad_s;
     omni_real_t speed_m_s;
     omni_real_t turn_rad_s;
     omni_real_t acceleration_m_s2;
     omni_real_t position_m;
-    omni_real_t reference_share; /**< share of wheel_rad_s for the way to a pose set-point */
+    omni_real_t wheel_speed_fraction; /**< fraction of wheel_rad_s used when driving to a pose setpoint */
     omni_real_t command_timeout_s;
     omni_real_t link_timeout_s;
     omni_real_t fix_timeout_s;
@@ -51,7 +51,8 @@ typedef struct omni_limits_t {
     omni_real_t error_rad;
     omni_real_t stall_s;
     omni_real_t stall_V;
-    omni_real_t count_due; /**< voltage times ticks after which a wheel at a tenth of its speed gives a count [V] */
+    omni_real_t
+        volt_ticks_per_count_V; /**< voltage x ticks in which a wheel at 1/10 of its no-load speed gives a count */
     omni_real_t battery_min_V;
     omni_real_t supply_nominal_V;
     uint16_t driver_failures;
@@ -68,35 +69,37 @@ typedef struct omni_robot_config_t {
     omni_torque_curve_t torque_curve;
     OMNI_CTL_MODE_CONFIG_MEMBERS /* of the controllers: omni_ismc_config_t ismc; and so on */
         omni_wheel_speed_config_t wheel_speed;
-    omni_body_load_t body_load; /**< what the wheel loops feed forward of the body */
+    omni_body_load_t body_load; /**< body inertia in the feed-forward of the wheel loops */
     omni_trajectory_config_t trajectory;
     omni_limits_t limits;
     omni_current_config_t current;
     uint8_t controller;                        /**< enum omni_ctl_mode */
-    uint8_t control_period;                    /**< ticks from one step of the position controller to the next, >= 1 */
+    uint8_t control_period;                    /**< period of the position controller in ticks, >= 1 */
     int8_t encoder_direction[OMNI_MAX_WHEELS]; /**< -1 or 1 */
     int8_t motor_direction[OMNI_MAX_WHEELS];   /**< -1 or 1 */
     omni_real_t rad_per_count;
-    omni_real_t speed_gain_V_s; /**< omni_motor_speed_gain of `motor` */
-    omni_real_t slip_feed;      /**< 0..1 share of the slip estimate fed forward */
-    omni_real_t torque_emf;     /**< 0..1 share of back-EMF and viscous friction made up for in direct torque control */
+    omni_real_t speed_gain_V_s;   /**< omni_motor_speed_gain of `motor` */
+    omni_real_t slip_feedforward; /**< 0..1, fraction of the slip estimate that is compensated */
+    omni_real_t
+        emf_compensation; /**< 0..1, fraction of back-EMF and viscous friction compensated in direct torque control */
     omni_real_t step_s;
     omni_real_t tracked_x_m; /**< the point that pose fixes are of, body frame */
     omni_real_t tracked_y_m;
     omni_real_t tracked_heading_rad; /**< of the tracked body's x axis, body frame */
-    uint16_t sequence;               /**< caller's number of this set; telemetry repeats it */
+    uint16_t sequence;               /**< caller's number of this set, copied to the outputs */
 } omni_robot_config_t;
 
 /**
- * Derive a configuration from a parameter set (OMNI_PARAM_COUNT values). Too slow for the tick: background work.
- * @param bad_index out, may be NULL: index of the offending parameter, or -1 if it is the combination.
- * @return OMNI_OK, or why the set is refused; `config` is then not usable.
+ * Derive a configuration from a parameter set (OMNI_PARAM_COUNT values). Too slow for the tick: call it in the
+ * background.
+ * @param bad_index out, may be NULL: index of the invalid parameter, or -1 if the combination is.
+ * @return OMNI_OK, or the reason for rejection; `config` is then not usable.
  */
 omni_result_t omni_robot_config(omni_robot_config_t *config, const omni_real_t *values, int32_t *bad_index);
 
 typedef enum omni_setpoint_kind_t {
     OMNI_SETPOINT_NONE = 0, /**< hold the pose (zero wheel speed if CTL_MODE is none) */
-    OMNI_SETPOINT_POSE,     /**< world pose and its rate; approached within the limits of speed and acceleration */
+    OMNI_SETPOINT_POSE,     /**< world pose and its rate, approached within the speed and acceleration limits */
     OMNI_SETPOINT_VELOCITY_BODY,
     OMNI_SETPOINT_VELOCITY_WORLD,
     OMNI_SETPOINT_TRAJECTORY, /**< the plan given with OMNI_EVENT_TRAJECTORY_START */
@@ -121,7 +124,7 @@ typedef enum omni_event_t {
     OMNI_EVENT_SET_POSE = 1 << 6          /**< restart the pose estimate at inputs.pose */
 } omni_event_t;
 
-/** What one tick gets. The readings of the sensors, counts and battery_V among them, come from [sensors] of
+/** Inputs of one tick. The sensor readings, such as counts and battery_V, are generated from [sensors] of
  * shared/world.toml. */
 typedef struct omni_inputs_t {
     uint64_t time_us; /**< robot clock, monotonic */
@@ -129,191 +132,192 @@ typedef struct omni_inputs_t {
     bool has_fix;
     omni_pose_fix_t fix;                 /**< of the tracked point; applied if has_fix */
     uint32_t events;                     /**< omni_event_t bits, for this tick only */
-    uint32_t faults;                     /**< stop faults seen outside the core (OMNI_FAULT_OVERRUN, ...) */
-    omni_setpoint_t setpoint;            /**< the latest */
+    uint32_t faults;                     /**< stop faults detected by the caller (OMNI_FAULT_OVERRUN, ...) */
+    omni_setpoint_t setpoint;            /**< latest setpoint received */
     uint64_t heartbeat_us;               /**< arrival of the latest ground-station heartbeat; 0: none yet */
     uint16_t driver_failures;            /**< failed motor-driver updates in a row */
     const omni_trajectory_t *trajectory; /**< must stay valid and constant while followed */
     omni_pose_t pose;                    /**< for OMNI_EVENT_SET_POSE */
 } omni_inputs_t;
 
-/** Limits of a velocity, one bit each. */
+/** Limits that reduce a velocity setpoint, one bit each. */
 typedef enum omni_velocity_limit_t {
     OMNI_LIMIT_WHEEL = 1 << 0, /**< LIM_WHEEL */
     OMNI_LIMIT_SPEED = 1 << 1, /**< LIM_V */
     OMNI_LIMIT_TURN = 1 << 2   /**< LIM_W */
 } omni_velocity_limit_t;
 
-/** What the robot saw when a stop fault stopped it. All zero until one does; kept until the next arming. */
+/** Snapshot at the tick of the last stop fault, for diagnosis. All zero before; cleared by arming. */
 typedef struct omni_stop_t {
-    uint8_t wheel;           /**< that stalled, was too fast or blind, from 1; 0: the fault is not about a wheel */
-    omni_real_t voltage_V;   /**< that this wheel was given */
-    omni_real_t wheel_rad_s; /**< at which it turned: by its encoder in that tick, by the filter while it is blind */
+    uint8_t wheel;           /**< wheel that caused the fault, from 1; 0: no wheel did */
+    omni_real_t voltage_V;   /**< voltage of this wheel */
+    omni_real_t wheel_rad_s; /**< speed of this wheel by its encoder; by the filter if counts are missing */
     omni_real_t supply_V;
-    omni_real_t current_A;        /**< that this wheel's motor had, estimated; 0 while LIM_I and SAFE_I are 0 */
-    omni_real_t error[OMNI_AXES]; /**< of the pose, world frame [m, m, rad]; 0 unless a pose was tracked */
+    omni_real_t current_A;        /**< estimated current of this wheel's motor; 0 while LIM_I and SAFE_I are 0 */
+    omni_real_t error[OMNI_AXES]; /**< pose error, world frame [m, m, rad]; 0 unless a pose was tracked */
 } omni_stop_t;
 
-/** What one tick decided and knows. */
+/** Outputs of one tick. */
 typedef struct omni_outputs_t {
     uint64_t time_us;
     uint8_t state;          /**< omni_safety_state_t */
-    bool drive;             /**< motors may be powered; false: switch the bridges off */
+    bool drive;             /**< motors may have power; false: switch the bridges off */
     uint8_t controller;     /**< enum omni_ctl_mode in use */
     uint8_t setpoint_kind;  /**< in use */
     omni_uint_t faults;     /**< omni_fault_t bits present now */
     uint32_t fault_history; /**< stop faults since arming */
     uint16_t config_sequence;
-    omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 in the motor's own direction; 0 unless `drive` */
-    omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< in the wheel's direction */
-    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];     /**< estimate */
+    omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1, positive in the motor's direction; 0 unless `drive` */
+    omni_real_t voltage_V[OMNI_MAX_WHEELS];       /**< positive in the wheel's direction */
+    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];     /**< estimated wheel speeds */
     omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
-    omni_real_t current_A[OMNI_MAX_WHEELS];  /**< estimate of omni/current.h; while that is off, the motor filter's;
-                                                       0 when that is off, too */
-    omni_real_t motor_heat[OMNI_MAX_WHEELS]; /**< 1 stops the motors; 0 while SAFE_I is 0 */
-    omni_pose_t pose;                        /**< estimate */
-    omni_twist_t rate;                       /**< world twist from the wheels */
-    omni_real_t pose_sd[OMNI_AXES];
+    omni_real_t current_A[OMNI_MAX_WHEELS];       /**< by omni/current.h; while that is disabled, by the motor
+                                                       filter; 0 while both are */
+    omni_real_t motor_heat[OMNI_MAX_WHEELS];      /**< h of omni/current.h, 1: fault; 0 while SAFE_I is 0 */
+    omni_pose_t pose;                             /**< estimate */
+    omni_twist_t rate;                            /**< world twist by the wheels */
+    omni_real_t pose_sd[OMNI_AXES];               /**< standard deviations: m, m, rad */
     omni_reference_t reference;
     omni_control_terms_t terms;
-    /** k - |B+ (v_s - v_s_hat)| of condition 44 per world axis [m/s, m/s, rad/s], with 3 sigma of the slip ratios'
-     * estimate as the error. 0 unless the ISMC is tracking. Looked at in every eighth tick. */
+    /** Margin of condition 44, k - |B+ (v_s - v_s_hat)|, per world axis [m/s, m/s, rad/s], with 3 sigma of the slip
+     * ratios as the error. 0 unless the ISMC is tracking. Updated in every eighth tick. */
     omni_real_t ismc_margin[OMNI_AXES];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS]; /**< estimated v_s */
     omni_real_t slip_residual_m_s;
     omni_real_t
-        wheel_scale; /**< factor the wheel speeds (direct torque: by the runaway protection) were cut by, 1: none */
-    omni_real_t duty_scale;      /**< factor the voltages (direct torque: the torques) were cut by, 1: none */
-    omni_real_t current_cut;     /**< share of the motors' pushes that LIM_I takes away, 0: none */
-    omni_real_t velocity_scale;  /**< factor left of a velocity set-point, or of the way to a pose, 1: all of it */
-    omni_uint_t velocity_limits; /**< omni_velocity_limit_t that cut it; the highest bit is the one that decided */
+        wheel_scale; /**< saturation factor of the wheel speeds (direct torque: of the runaway protection), 1: none */
+    omni_real_t duty_scale;        /**< saturation factor of the voltages (direct torque: of the torques), 1: none */
+    omni_real_t current_reduction; /**< fraction by which LIM_I reduces the motor torques, 0: none */
+    omni_real_t velocity_scale;    /**< limiting factor of a velocity setpoint, or of the approach to a pose, 1: none */
+    omni_uint_t velocity_limits;   /**< active omni_velocity_limit_t; the highest bit is the binding one */
     omni_stop_t stop;
     omni_real_t supply_V;
     omni_real_t pose_xy_m2; /**< covariance of the estimate's x and y, world frame */
     omni_real_t nis;
     omni_uint_t fixes_accepted;
     omni_uint_t fixes_refused;
-    omni_real_t gyro_rad_s;   /**< turn rate by the gyro, bias taken off; 0 while its readings are left out */
+    omni_real_t gyro_rad_s;   /**< yaw rate by the gyro, bias removed; 0 while it is not used */
     omni_real_t gyro_bias;    /**< rad/s */
     omni_real_t gyro_bias_sd; /**< standard deviation */
-    omni_flag_t gyro_used;    /**< it gives the turn, or learns its bias */
-    /** Of the motion over the floor; 0 while FLOW_MODE is. */
-    omni_real_t flow_sum[OMNI_AXES]; /**< readings so far, in body axes: m, m, rad */
-    omni_real_t flow_nis;            /**< normalised innovation squared of the last reading */
-    omni_uint_t flow_used;           /**< readings used so far */
-    omni_uint_t flow_refused;
-    omni_uint_t flow_came;    /**< readings so far, good or not */
-    omni_uint_t flow_lost;    /**< those without a way */
-    omni_real_t flow_off_rad; /**< direction of its x axis, seen from where it should point; 0: not known */
-    omni_flag_t flow_usable;
-    omni_flag_t flow_leads; /**< it has taken the place of wheels that spin */
+    omni_flag_t gyro_used;    /**< it gives the turn, or measures its bias */
+    /* Floor odometry; 0 while FLOW_MODE is 0. */
+    omni_real_t flow_sum[OMNI_AXES];   /**< sum of all plausible readings in body axes: m, m, rad */
+    omni_real_t flow_nis;              /**< normalised innovation squared of the last reading */
+    omni_uint_t flow_used;             /**< number of readings used */
+    omni_uint_t flow_refused;          /**< number of readings rejected */
+    omni_uint_t flow_received;         /**< number of readings, valid or not */
+    omni_uint_t flow_dropped;          /**< number of readings without a valid displacement */
+    omni_real_t flow_misalignment_rad; /**< deviation of its mounting angle; 0: not known */
+    omni_flag_t flow_usable;           /**< neither faulty nor timed out */
+    omni_flag_t flow_overriding;       /**< it overrides wheels that spin or slide */
 } omni_outputs_t;
 
-/** What a position controller asks for, and so what follows it on the way to the wheels. */
+/** Output of a position controller, which selects the actuation that follows it. */
 typedef enum omni_demand_kind_t {
-    OMNI_DEMAND_NONE = 0, /**< nothing: poses are not tracked, only their rates are followed */
-    OMNI_DEMAND_TWIST,    /**< a body twist: inverse kinematics, slip, wheel-speed loops; held for CTL_PERIOD */
-    OMNI_DEMAND_TORQUE,   /**< torques: runaway protection, torque curve; held for CTL_PERIOD */
-    OMNI_DEMAND_DUTY,     /**< duties as they are: of open-loop set-points; no controller asks for them */
-    OMNI_DEMAND_VOLTAGE   /**< voltages: nothing but the duty limit; stepped in every tick, it counts its own period */
+    OMNI_DEMAND_NONE = 0, /**< none: poses are not tracked, only their rates are followed */
+    OMNI_DEMAND_TWIST,    /**< body twist -> inverse kinematics, slip compensation, wheel-speed loops */
+    OMNI_DEMAND_TORQUE,   /**< wheel torques -> runaway protection, torque curve */
+    OMNI_DEMAND_DUTY,     /**< duties of open-loop setpoints, limited only; not by a controller */
+    OMNI_DEMAND_VOLTAGE   /**< wheel voltages, limited only; such a controller is stepped every tick */
 } omni_demand_kind_t;
 
 /**
- * What the position controller asks for, in force until its next step. omni_controller_demand says which of them
- * counts.
+ * Output of the position controller, held until its next step (CTL_PERIOD). omni_controller_demand says which member is
+ * used.
  */
 typedef struct omni_demand_t {
     omni_control_terms_t terms;
     omni_twist_t twist;                       /**< body frame */
     omni_real_t torque_N_m[OMNI_MAX_WHEELS];  /**< at the wheels */
-    omni_real_t torque_scale;                 /**< what eq. 30 left of them */
+    omni_real_t torque_scale;                 /**< saturation factor of the torques, eq. 30 */
     omni_real_t voltage_V[OMNI_MAX_WHEELS];   /**< in the wheel's direction */
-    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS]; /**< wanted with these voltages */
+    omni_real_t wheel_rad_s[OMNI_MAX_WHEELS]; /**< wheel speed reference that belongs to the voltages */
 } omni_demand_t;
 
-/** What the estimating stage keeps from tick to tick. */
+/** State of the estimation stage. */
 typedef struct omni_estimator_t {
     uint64_t last_time_us;
     omni_motor_kf_state_t motor_kf[OMNI_MAX_WHEELS];
     omni_int_t last_counts[OMNI_MAX_WHEELS];
     omni_real_t
-        guessed_rad[OMNI_MAX_WHEELS];        /**< turned since the last valid count, as far as the pose has been told */
-    uint32_t encoder_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
-    bool primed;                             /**< last_* hold a first sample */
+        extrapolated_rad[OMNI_MAX_WHEELS]; /**< rotation extrapolated since the last valid count, already in the pose */
+    uint32_t missing_count_ticks[OMNI_MAX_WHEELS]; /**< ticks in a row without a valid count */
+    bool primed;                                   /**< last_* are valid */
     omni_pose_ekf_state_t pose_ekf;
     omni_gyro_state_t gyro;
     omni_flow_state_t flow;
 } omni_estimator_t;
 
-/** Whether a wheel under voltage turns. All 0 while its voltage is below `stall_V`. */
+/** Stall detection of a wheel. All 0 while its voltage is below `stall_V`. */
 typedef struct omni_stall_watch_t {
-    omni_real_t ticks;     /**< since the wheel was last judged */
-    omni_real_t due;       /**< its voltage over these ticks [V ticks]: what it should have turned */
-    omni_real_t counts;    /**< what it did turn, by its encoder; positive the way it is driven */
-    omni_real_t stalled_s; /**< how long it has looked stalled or reversed: 0 to 2 stall_s */
-    omni_real_t back_s;    /**< how long it has been braked; 0 it is not, -1 it may begin to be */
-    omni_real_t rate;      /**< how fast it turned before that, or at first [counts/tick] */
-    omni_real_t last_V;    /**< its voltage in the last tick; 0 while it is below `stall_V` */
+    omni_real_t ticks;               /**< ticks since the last check */
+    omni_real_t expected_volt_ticks; /**< |voltage| summed over these ticks: proportional to the expected counts */
+    omni_real_t counts;              /**< counts in these ticks, positive in the direction of the voltage */
+    omni_real_t stalled_s;           /**< time for which it has been stalled or reversed: 0..2 stall_s */
+    omni_real_t braked_s;            /**< time for which it has been braked; 0: not braked, -1: braking may start */
+    omni_real_t rate;                /**< speed at the start of braking [counts/tick] */
+    omni_real_t last_V;              /**< voltage in the last tick; 0 while below `stall_V` */
 } omni_stall_watch_t;
 
-/** Whether the wheels turn faster than they are asked to. Looked at in every OMNI_SPEED_TICKS-th tick. */
+/** Overspeed detection of the wheels, every OMNI_OVERSPEED_CHECK_TICKS ticks. */
 typedef struct omni_speed_watch_t {
-    omni_int_t counts[OMNI_MAX_WHEELS];     /**< of the encoders, at the last look */
-    omni_real_t reference[OMNI_MAX_WHEELS]; /**< largest magnitude since the last look, every 16th tick [rad/s] */
-    omni_real_t first[OMNI_MAX_WHEELS];     /**< speed when a wheel became too fast [rad/s]; 0: it is not */
-    omni_real_t looks[OMNI_MAX_WHEELS];     /**< for how many looks it has been; more than OMNI_SPEED_LOOKS: a fault */
-    omni_uint_t fault;                      /**< OMNI_FAULT_OVERSPEED: any wheel has; or 0 */
-    uint32_t left;                          /**< ticks until the next look; 0 at once, when armed or disarmed */
-    bool armed;                             /**< at the last look */
+    omni_int_t counts[OMNI_MAX_WHEELS];                /**< encoder counts at the last check */
+    omni_real_t peak_reference_rad_s[OMNI_MAX_WHEELS]; /**< peak since the last check, sampled every 16th tick */
+    omni_real_t initial_speed_rad_s[OMNI_MAX_WHEELS];  /**< speed when a wheel's overspeed began; 0: no overspeed */
+    omni_real_t
+        overspeed_checks[OMNI_MAX_WHEELS]; /**< consecutive checks with overspeed; > OMNI_OVERSPEED_CHECKS: fault */
+    omni_uint_t overspeed_fault;           /**< OMNI_FAULT_OVERSPEED or 0 */
+    uint32_t ticks_left;                   /**< ticks until the next check; arming and disarming set it to 0 */
+    bool armed;                            /**< the robot was armed at the last check */
 } omni_speed_watch_t;
 
-/** What the supervising stage keeps: the safety state, and for how long things have looked wrong. */
+/** State of the supervision stage: safety state and fault detection. */
 typedef struct omni_supervisor_t {
     uint64_t armed_since_us;
     omni_safety_state_t state;
     omni_uint_t faults;     /**< omni_fault_t bits present in the last tick */
     uint32_t fault_history; /**< stop faults since arming */
-    omni_stop_t stop;       /**< of the latest one */
+    omni_stop_t stop;       /**< snapshot of the latest stop fault */
     omni_stall_watch_t stall[OMNI_MAX_WHEELS];
     omni_speed_watch_t speeds;
     omni_current_state_t current; /**< all 0 while LIM_I and SAFE_I are 0 */
     uint32_t battery_ticks;       /**< ticks in a row with too little voltage */
 } omni_supervisor_t;
 
-/** What the stage that makes the reference keeps. */
-typedef struct omni_guide_t {
+/** State of the reference stage. */
+typedef struct omni_reference_generator_t {
     uint64_t trajectory_start_us;
     const omni_trajectory_t *trajectory; /**< being followed, or NULL */
-    omni_pose_t governed;                /**< reference on its way to a pose set-point; the pose held otherwise */
-    omni_twist_t ramped;                 /**< its rate (world), or the ramped velocity demand (body) */
-    uint8_t last_kind;                   /**< set-point kind of the last tick */
-} omni_guide_t;
+    omni_pose_t reference_pose;          /**< reference approaching a pose setpoint; otherwise the pose to hold */
+    omni_twist_t reference_rate; /**< its rate (world frame), or the acceleration-limited velocity (body frame) */
+    uint8_t last_kind;           /**< setpoint kind of the last tick */
+} omni_reference_generator_t;
 
-/** What the controlling stage keeps. */
+/** State of the control stage. */
 typedef struct omni_control_state_t {
     OMNI_CTL_MODE_STATE_MEMBERS /* of the controllers: omni_ismc_state_t ismc; and so on */
         omni_wheel_speed_state_t wheel_speed;
-    uint8_t last_controller; /**< enum omni_ctl_mode of the last tick */
-    uint8_t last_way;        /**< to the wheels: omni_demand_kind_t of the last tick that drove them */
-    bool tracking;           /**< the last tick tracked a pose */
-    uint8_t ticks;           /**< since the position controller's last step began its period */
+    uint8_t last_controller;     /**< enum omni_ctl_mode of the last tick */
+    uint8_t last_actuation_mode; /**< omni_demand_kind_t of the last armed tick */
+    bool tracking;               /**< the last tick tracked a pose */
+    uint8_t ticks;               /**< since the position controller's last step began its period */
     omni_demand_t demand;
 } omni_control_state_t;
 
-/** What the check of the ISMC's gain keeps (the report's condition 44). */
+/** State of the gain condition's check (condition 44 of the report). */
 typedef struct omni_gain_margin_t {
-    omni_real_t margin[OMNI_AXES]; /**< of the latest look */
-    omni_real_t uncovered_s;       /**< how long the condition has been violated */
-    omni_flag_t uncovered;         /**< it counts as violated */
-    uint8_t ticks;                 /**< since the latest look */
+    omni_real_t margin[OMNI_AXES]; /**< of the latest update */
+    omni_real_t violated_s;        /**< time for which the condition has been violated, debounced */
+    omni_flag_t violated;          /**< debounced result */
+    uint8_t ticks;                 /**< since the latest update */
 } omni_gain_margin_t;
 
-/** What the last tick did: the filters predict with it, and the supervision judges it. */
+/** Actuation of the last tick: input of the filters and the supervision. */
 typedef struct omni_applied_t {
     omni_real_t voltage_V[OMNI_MAX_WHEELS]; /**< in the wheel's direction */
-    omni_real_t current_cut;                /**< share of the pushes that the current limit took away */
-    omni_flag_t saturated;                  /**< wheel speeds, duties or currents were cut */
-    bool off_track;                         /**< the pose error was beyond the limit */
+    omni_real_t current_reduction;          /**< fraction by which the current limit reduced the torques */
+    omni_flag_t saturated;                  /**< wheel speeds, duties or currents were limited */
+    bool tracking_error_exceeded;           /**< the pose error was beyond SAFE_ERR_* */
 } omni_applied_t;
 
 /** State of the whole core, by stage of the tick. Opaque by convention: use the functions. */
@@ -321,21 +325,21 @@ typedef struct omni_robot_t {
     const omni_robot_config_t *config;
     omni_applied_t applied;
     omni_supervisor_t supervisor;
-    omni_guide_t guide;
+    omni_reference_generator_t reference_generator;
     omni_gain_margin_t margin;
     omni_control_state_t control;
-    omni_exciter_t exciter; /**< omni_excitation_start() begins one between two ticks */
+    omni_excitation_state_t excitation; /**< omni_excitation_start() begins one between two ticks */
     omni_estimator_t estimator;
 } omni_robot_t;
 
-/** Start in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive its use. */
+/** Initialise in OMNI_STATE_INIT at pose zero; the first tick goes to DISARMED. `config` must outlive `robot`. */
 void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config);
 
-/** Hand over another configuration between two ticks; controller and filter states go on without a bump. */
+/** Replace the configuration between two ticks. Controller and filter states are kept (bumpless). */
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config);
 
-/** One tick. Never fails: whatever comes in, duties and voltages are finite, |duty| <= 1, and 0 unless armed and
- * healthy. Other outputs are finite for poses within LIM_POS; a pose of 3e38 m, say, gives a reference that is not. */
+/** One tick. Never fails: for any input, duties and voltages are finite, |duty| <= 1, and 0 unless armed without a stop
+ * fault. Other outputs are finite for poses within LIM_POS. */
 /*@ ensures duty_in_range: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==>
         \is_finite(outputs->duty[i]) && -1.0 <= outputs->duty[i] <= 1.0;
     ensures voltage_finite: \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> \is_finite(outputs->voltage_V[i]);
@@ -343,33 +347,31 @@ void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *confi
     ensures off_is_zero: !outputs->drive ==> \forall integer i; 0 <= i < OMNI_MAX_WHEELS ==> outputs->duty[i] == 0.0; */
 void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outputs_t *outputs);
 
-/** Name of a position controller, as CTL_MODE has it. @return NULL beyond OMNI_CTL_MODE_COUNT. */
+/** Name of a position controller, as in CTL_MODE. @return NULL beyond OMNI_CTL_MODE_COUNT. */
 const char *omni_controller_name(uint8_t controller);
 
-/** What a position controller asks for, omni_demand_kind_t. @return OMNI_DEMAND_NONE beyond OMNI_CTL_MODE_COUNT. */
+/** Output kind of a position controller, omni_demand_kind_t. @return OMNI_DEMAND_NONE beyond OMNI_CTL_MODE_COUNT. */
 uint8_t omni_controller_demand(uint8_t controller);
 
-/** Clear the state of all position controllers: integrals, and the tick of their period. */
+/** Clear the state of all position controllers: integrals and the phase of their period. */
 void omni_controllers_reset(omni_control_state_t *control);
 
 /**
- * One step of the position controller of `config` outside of a robot's tick, for a host that drives without encoders.
- * Control behaviour is the tick's, by the same table. It has to ask for a twist (OMNI_DEMAND_TWIST); others need what
- * only the tick knows. Call it every config->step_s * config->control_period.
+ * One step of the position controller of `config` outside of a tick, for a host that drives without encoders. Only for
+ * controllers with OMNI_DEMAND_TWIST. Call it every config->step_s * config->control_period.
  * @param rate measured, world frame. @param reference its pose and rate.
  * @param control out: `demand.twist` (body frame) and `demand.terms`.
- * @return OMNI_OK; OMNI_ERR_RANGE if this controller asks for something else. Nothing is done then.
+ * @return OMNI_OK; OMNI_ERR_RANGE for another kind of controller, without effect.
  */
 omni_result_t omni_controller_step(omni_control_state_t *control, const omni_robot_config_t *config,
                                    const omni_pose_t *pose, const omni_twist_t *rate, const omni_reference_t *reference,
                                    omni_flag_t saturated);
 
-/** May a signal be added at this place (omni_excitation_place_t) while this kind of set-point
- * (omni_setpoint_kind_t) is in force? */
+/** Is an excitation at this place (omni_excitation_place_t) allowed with this kind of setpoint
+ * (omni_setpoint_kind_t)? */
 bool omni_excitation_fits(uint8_t place, uint8_t kind);
 
-/** May the robot be armed now? @return 0, or the stop fault bits that prevent it; state other than DISARMED:
- * OMNI_FAULT_CONFIG. */
+/** Stop faults that prevent arming now; 0: it may be armed. In a state other than DISARMED: OMNI_FAULT_CONFIG. */
 uint32_t omni_robot_arming_faults(const omni_robot_t *robot);
 
 #endif

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file torque_curve.h
- * The measured relation of torque and PWM duty [report, text before eq. 30] as data: duty over torque / tau_max,
- * piecewise linear, odd. It begins at the duty below which the motor gives nothing and ends at full duty. The first
- * hundredth of tau_max leads there from zero. So the sign of a tiny torque does not switch the dead band back and
- * forth.
+ * Measured static characteristic of torque and PWM duty [report, text before eq. 30]: duty over torque / tau_max,
+ * piecewise linear, odd-symmetric, from the deadband's edge to full duty. The deadband is crossed linearly within the
+ * first hundredth of tau_max, so that a torque near zero does not chatter across it.
  */
 #ifndef OMNI_TORQUE_CURVE_H
 #define OMNI_TORQUE_CURVE_H
@@ -15,11 +14,11 @@ enum { OMNI_CURVE_POINTS = 4 };
 
 typedef struct omni_torque_curve_t {
     omni_real_t torque_max_N_m;          /**< at full duty, standing still, > 0 */
-    omni_real_t dead_duty;               /**< 0..1 */
-    omni_real_t duty[OMNI_CURVE_POINTS]; /**< at 20, 40, 60, 80 % of torque_max; rising, from dead_duty to 1 */
+    omni_real_t deadband_duty;           /**< duty below which the motor gives no torque, 0..1 */
+    omni_real_t duty[OMNI_CURVE_POINTS]; /**< at 20, 40, 60, 80 % of torque_max; rising, from deadband_duty to 1 */
 } omni_torque_curve_t;
 
-/** Does the curve rise strictly from dead_duty to 1? (NaN: no.) @param bad_point out, may be NULL: first point that
+/** Does the curve rise strictly from deadband_duty to 1? (NaN: no.) @param bad_point out, may be NULL: first point that
  * does not lie above its predecessor, OMNI_CURVE_POINTS if the last is not below 1. */
 bool omni_torque_curve_is_valid(const omni_torque_curve_t *curve, int32_t *bad_point);
 

@@ -1,13 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file trajectory.h
- * Reference paths with exact first and second derivatives, driven by a path clock. It starts from rest, may be slowed
- * down to what the wheels can do, and comes to rest.
+ * @file trajectory.h Reference trajectories with exact first and second derivatives: a path and a time scaling (path
+ * clock) that starts and ends at rest and may be slowed down to the limits of the wheels.
  *
  * The path p(u) is a function of path time u in [0, duration]. The rate u'(t) of the clock rises with a quintic over
  * ramp_s, stays at 1/scale and falls likewise. Chain rule: xi' = p'(u) u',  xi'' = p''(u) u'^2 + p'(u) u''. If the
- * robot isn't at the path's start, a quintic lead-in brings it there first. It keeps to the limits of wheels and
- * acceleration.
+ * robot isn't at the path's start, a quintic lead-in within the limits of wheels and acceleration precedes it.
  *
  * Type report, with a = size_m and u in seconds [report eq. 81]:
  *
@@ -19,8 +17,8 @@
  * four goes from rest to rest in laps * period_s. Its rate rises and falls with a quintic over a quarter of a period.
  * With `laps` = 0 it is one lap each way, again and again.
  *
- * Type spline passes the given points without a stop, on a cubic B-spline through them. Each leg between two points
- * takes the same time, so points at equal distances give an even speed.
+ * Type spline interpolates the given points by a cubic B-spline without stops. Each leg between two points takes the
+ * same time, so equidistant points give a constant speed.
  *
  * Planning (omni_trajectory_plan) scans the path and belongs in the background; evaluation is cheap and belongs in the
  * tick.
@@ -44,22 +42,22 @@ typedef struct omni_trajectory_config_t {
                                        points' square. Amplitude of x and y of type report; its heading has 0.5 rad
                                        always */
     omni_real_t period_s; /**< path time of a lap; line, waypoints and random points: of a leg */
-    omni_real_t laps;     /**< 0: without end. Line: legs, there and back. Waypoints and random points: rounds; the
+    omni_real_t laps;     /**< 0: endless. Line: legs, there and back. Waypoints and random points: rounds; the
                                        last round ends at the last point, an earlier one goes on to the first.
                                        Spline: up to 1 it ends at the last point, else it is closed */
     omni_real_t rotation_amplitude_rad; /**< turn per lap (spin), amplitude (sine), half range of the random headings */
     omni_real_t rotation_cycles;        /**< sine periods per lap */
     uint32_t seed;                      /**< random points: the same points for the same seed on every machine */
     bool scale;                         /**< slow down to the limits */
-    omni_real_t margin;                 /**< share of the limits that may be used */
+    omni_real_t margin;                 /**< fraction of the limits that may be used */
     omni_real_t ramp_s;
     omni_real_t wheel_limit_rad_s;
     omni_real_t voltage_limit_V;
     omni_real_t ff_speed_V_s; /**< motor: V per rad/s, for the voltage limit */
     omni_real_t ff_acceleration_V_s2;
-    omni_body_load_t body_load; /**< what the voltage limit counts of the body */
-    omni_real_t lead_in_m_s2;   /**< the lead-in accelerates by no more; 0: as far as speed and voltage allow */
-    omni_real_t lead_in_rad_s2; /**< likewise for its turning */
+    omni_body_load_t body_load; /**< body inertia, for the voltage limit */
+    omni_real_t lead_in_m_s2;   /**< acceleration limit of the lead-in; 0: only speed and voltage limit it */
+    omni_real_t lead_in_rad_s2; /**< angular acceleration limit of the lead-in */
 } omni_trajectory_config_t;
 
 typedef struct omni_waypoints_t {
@@ -67,13 +65,13 @@ typedef struct omni_waypoints_t {
     omni_pose_t pose[OMNI_MAX_WAYPOINTS];
 } omni_waypoints_t;
 
-/** A plan's times in whole numbers, so that the tick need not derive them. UINT64_MAX: without end. */
+/** Times of a plan as integers, precomputed for the tick. UINT64_MAX: endless. */
 typedef struct omni_trajectory_timing_t {
-    omni_ns_t lead_in_us; /**< microseconds */
-    omni_ns_t period_ns;  /**< path time of config.period_s */
-    omni_ns_t lap_ns;     /**< path time of a lap: one period, or all legs of a round */
-    omni_real_t period_s; /**< the same as floats */
-    omni_real_t lap_s;
+    omni_ns_t lead_in_us;   /**< microseconds */
+    omni_ns_t period_ns;    /**< path time of config.period_s */
+    omni_ns_t lap_ns;       /**< path time of a lap: one period, or all legs of a round */
+    omni_real_t period_s;   /**< period_ns as a float */
+    omni_real_t lap_s;      /**< lap_ns as a float */
     omni_ns_t duration_ns;  /**< path time of the whole path */
     omni_ns_t rate;         /**< of the path clock, fraction of 2^24 */
     omni_ns_t ramp_ns;      /**< real time */
@@ -94,8 +92,8 @@ typedef struct omni_trajectory_t {
     omni_real_t scale;              /**< clock runs at 1/scale, >= 1 if scaled */
     omni_real_t peak_wheel_rad_s;   /**< demanded at scale 1 */
     omni_real_t peak_voltage_V;     /**< demanded at scale 1 */
-    bool by_voltage;                /**< what decided `scale`: the motors' voltage; false: the wheels' speed */
-    omni_real_t needed_scale;       /**< what the limits need, whether or not it is applied, < 1 if they leave room;
+    bool by_voltage;                /**< binding limit for `scale`: true: motor voltage; false: wheel speed */
+    omni_real_t needed_scale;       /**< scale required by the limits, applied or not; < 1: there is room;
                                        > scale: infeasible by that factor */
     omni_trajectory_timing_t timing;
 } omni_trajectory_t;
@@ -115,14 +113,13 @@ typedef struct omni_reference_t {
     omni_uint_t phase;         /**< omni_trajectory_phase_t */
 } omni_reference_t;
 
-/** Does a path of this TRJ_TYPE go through points that somebody gives? @param type below OMNI_TRJ_TYPE_COUNT, else
- * false. */
+/** Does this TRJ_TYPE need uploaded waypoints? @param type >= OMNI_TRJ_TYPE_COUNT: false. */
 bool omni_trajectory_needs_waypoints(omni_uint_t type);
 
 /**
- * Plan. @param waypoints needed where omni_trajectory_needs_waypoints() says so, else NULL. Headings turn the short way
- * round. Type waypoints drives straight quintic legs of period_s, type spline a smooth path.
- * @param at pose the robot has now; its heading's whole turns are kept (no unwinding). Type hold stays there.
+ * Plan a trajectory. @param waypoints required if omni_trajectory_needs_waypoints(), else NULL. Headings turn by less
+ * than pi. Type waypoints drives straight quintic legs of period_s, type spline a smooth path.
+ * @param at current pose; whole turns of its heading are kept (no unwinding). Type hold stays there.
  * @return OMNI_ERR_RANGE / OMNI_ERR_NOT_FINITE for a bad configuration, or a heading beyond 1e6 rad; the plan then
  * holds `at`.
  */
@@ -130,11 +127,11 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
                                    const omni_kinematics_t *k, const omni_waypoints_t *waypoints,
                                    const omni_pose_t *at);
 
-/** Reference time_us after the start. Path time is kept in whole nanoseconds, so it stays exact for years. */
+/** Evaluate the reference at time_us after the start. Path time is an integer in nanoseconds: exact for years. */
 void omni_trajectory_evaluate(const omni_trajectory_t *plan, uint64_t time_us, omni_reference_t *reference);
 
-/** The bare path at path time u >= 0 (clamped to the duration; NaN: 0): pose and its first and second derivative by u.
- */
+/** Evaluate the path without time scaling at path time u >= 0 (clamped to the duration; NaN: 0): pose, and its first
+ * and second derivative by u. */
 void omni_path_evaluate(const omni_trajectory_t *plan, omni_real_t path_time_s, omni_pose_t *pose, omni_twist_t *first,
                         omni_twist_t *second);
 

@@ -25,22 +25,21 @@ typedef struct omni_pose_t {
     omni_real_t theta;
 } omni_pose_t;
 
-/** Rate of a pose, or the rate of that rate; the name of the variable says in which frame. m/s, rad/s (or m/s^2 ...).
- */
+/** First or second time derivative of a pose: m/s, rad/s (or m/s^2, rad/s^2). The variable's name gives the frame. */
 typedef struct omni_twist_t {
     omni_real_t vx;
     omni_real_t vy;
     omni_real_t wz;
 } omni_twist_t;
 
-/** Result of the functions that can refuse their input. */
+/** Result of functions that validate their input. */
 typedef enum omni_result_t {
     OMNI_OK = 0,
     OMNI_ERR_NOT_FINITE, /**< a NaN or an infinity */
     OMNI_ERR_RANGE,      /**< outside the documented range */
     OMNI_ERR_SINGULAR,   /**< the wheels cannot produce every motion, or a matrix has no inverse */
-    OMNI_ERR_UNKNOWN,    /**< no such name or index */
-    OMNI_ERR_LOCKED,     /**< not in this state (armed) */
+    OMNI_ERR_UNKNOWN,    /**< unknown name or index */
+    OMNI_ERR_LOCKED,     /**< not allowed while armed */
     OMNI_ERR_TIME        /**< time stamp outside the usable window */
 } omni_result_t;
 

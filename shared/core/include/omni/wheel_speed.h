@@ -7,9 +7,9 @@
  *   V    = (K + R b / K) w_d + (R J / K) w_d' + V_c clamp(w_d / 0.05, -1, 1) + PID(w_d, w)
  *   duty = V / supply, all wheels scaled by one factor to the limit                [report eq. 30]
  *
- * The first two terms are the motor's equations solved for the voltage [report eq. 24, 25, without L]. V_c makes up
- * for Coulomb friction. J is the wheel's own inertia. The body is in w_d' if the caller has put it there
- * (omni_kinematics_add_body).
+ * The first two terms are the motor's equations solved for the voltage [report eq. 24, 25, without L]. V_c compensates
+ * Coulomb friction. J is the inertia of the wheel with gear and motor; the caller adds the body's inertia to w_d'
+ * (omni_kinematics_add_body_inertia).
  */
 #ifndef OMNI_WHEEL_SPEED_H
 #define OMNI_WHEEL_SPEED_H
@@ -19,12 +19,13 @@
 
 typedef struct omni_wheel_speed_config_t {
     uint8_t wheels;
-    omni_pid_config_t pid;                /**< output in V */
-    omni_real_t ff_speed_V_s;             /**< V per rad/s */
-    omni_real_t ff_acceleration_V_s2;     /**< V per rad/s^2 */
-    omni_real_t ff_static_V;              /**< Coulomb friction, in the wanted direction; fades below 0.05 rad/s */
-    omni_real_t duty_limit;               /**< 0..1 */
-    omni_real_t opposed[OMNI_MAX_WHEELS]; /**< u: unit vector of voltages that move no body; 0 with three wheels */
+    omni_pid_config_t pid;            /**< output in V */
+    omni_real_t ff_speed_V_s;         /**< V per rad/s */
+    omni_real_t ff_acceleration_V_s2; /**< V per rad/s^2 */
+    omni_real_t ff_static_V; /**< V_c: Coulomb friction, in the direction of the reference; fades below 0.05 rad/s */
+    omni_real_t duty_limit;  /**< 0..1 */
+    omni_real_t
+        null_direction[OMNI_MAX_WHEELS]; /**< u: unit vector of voltages that do not move the body; 0: 3 wheels */
 } omni_wheel_speed_config_t;
 
 typedef struct omni_wheel_speed_state_t {
@@ -35,11 +36,11 @@ void omni_wheel_speed_reset(omni_wheel_speed_state_t *state);
 
 /**
  * One tick. All arrays have OMNI_MAX_WHEELS entries.
- * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, body added or not, @param measured
- * [rad/s], @param supply_V > 0.
+ * @param reference [rad/s], @param acceleration [rad/s^2] of the reference, with or without body inertia, @param
+ * measured [rad/s], @param supply_V > 0.
  * @param duty out, -limit..limit; @param voltage_V out, duty * supply_V.
  * @return the common factor by which the voltages were cut (1: none). It is 0 with all duties 0 if supply or limit are
- *         0 or less or anything isn't finite. The loops' states then stay as they were.
+ *         0 or less or anything isn't finite. The loops' states are unchanged then.
  */
 omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config,
                                   const omni_real_t *reference, const omni_real_t *acceleration,
@@ -47,10 +48,9 @@ omni_real_t omni_wheel_speed_step(omni_wheel_speed_state_t *state, const omni_wh
                                   omni_real_t *voltage_V);
 
 /**
- * Take the part out of the integrals that only pushes the wheels against each other: I -= u (u I). Such voltages move
- * no body. Four wheels on one floor cannot each turn as they like. If a radius is not as configured, or a wheel creeps,
- * their speeds differ from the references for good. The integrals would grow until the wheels slip. The result stays
- * within integral_limit. Three wheels have no such part.
+ * Project the null direction out of the integrals: I -= u (u I). Four wheels are redundant: with a radius error or
+ * creep their speeds cannot all reach the references, and without this the integrals would wind up until the wheels
+ * slip. The result stays within integral_limit. No effect with three wheels.
  */
 void omni_wheel_speed_balance(omni_wheel_speed_state_t *state, const omni_wheel_speed_config_t *config);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The motors' currents in the tick. Out of line: a robot that does not use them has a branch more, and no more. */
+/* Motor currents in the tick. Not inlined: a robot without a current limit pays one branch only. */
 #include <string.h>
 
 #include "../control/pid_inline.h"
@@ -15,13 +15,13 @@ omni_uint_t omni_robot_watch_currents(omni_supervisor_t *supervisor, const omni_
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         most = omni_select(state->heat[i] > most, state->heat[i], most);
     }
-    const omni_flag_t warm = most > OMNI_WARM_SHARE;
-    state->hot = (most >= 1.0f) | (state->hot & warm);
+    const omni_flag_t warm = most > OMNI_HEAT_WARNING_FRACTION;
+    state->overheated = (most >= 1.0f) | (state->overheated & warm);
     return omni_select(warm, (uint32_t)OMNI_WARN_MOTOR_WARM, 0u) |
-           omni_select(state->hot, (uint32_t)OMNI_FAULT_MOTOR_HEAT, 0u);
+           omni_select(state->overheated, (uint32_t)OMNI_FAULT_MOTOR_HEAT, 0u);
 }
 
-/* The wheel loops hear of it, as they do of the duty limit. */
+/* The wheel loops' anti-windup gets the limited voltages, as it does those of the duty limit. */
 void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_config_t *c,
                                const omni_current_state_t *state, omni_real_t supply_V, omni_applied_t *applied,
                                omni_actuation_t *actuation) {
@@ -33,7 +33,7 @@ void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_c
     }
     const omni_real_t factor = omni_current_limit(&c->current, wheels, state->wheel_rad_s, given_V);
     const omni_flag_t cut = factor < 1.0f;
-    applied->current_cut = 1.0f - factor;
+    applied->current_reduction = 1.0f - factor;
     applied->saturated = applied->saturated | cut;
     if (omni_all(factor >= 1.0f)) {
         return;
@@ -42,7 +42,7 @@ void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_c
         const omni_real_t wanted_V = actuation->duty[i] * supply_V;
         const omni_real_t applied_V = omni_select(cut, given_V[i], wanted_V);
         actuation->duty[i] = omni_select(cut, omni_clampf(given_V[i] / supply_V, -most, most), actuation->duty[i]);
-        if (control->last_way == OMNI_DEMAND_TWIST) {
+        if (control->last_actuation_mode == OMNI_DEMAND_TWIST) {
             omni_pid_limited(&control->wheel_speed.pid[i], &c->wheel_speed.pid, wanted_V, applied_V);
         }
     }
@@ -52,5 +52,5 @@ void omni_robot_report_currents(const omni_current_state_t *state, const omni_ap
                                 omni_outputs_t *outputs) {
     memcpy(outputs->current_A, state->current_A, sizeof outputs->current_A);
     memcpy(outputs->motor_heat, state->heat, sizeof outputs->motor_heat);
-    outputs->current_cut = applied->current_cut;
+    outputs->current_reduction = applied->current_reduction;
 }

@@ -77,8 +77,8 @@ static void set_gyro(omni_robot_config_t *c, const omni_real_t *v) {
     c->gyro.axis = (int8_t)v[OMNI_PARAM_GYRO_AXIS];
     c->gyro.scale = v[OMNI_PARAM_GYRO_SCALE];
     c->gyro.range_rad_s = v[OMNI_PARAM_GYRO_MAX];
-    e->gyro = c->gyro.axis != 0;
-    e->q_turn = v[OMNI_PARAM_GYRO_ND] * v[OMNI_PARAM_GYRO_ND] * c->step_s;
+    e->has_gyro = c->gyro.axis != 0;
+    e->q_gyro = v[OMNI_PARAM_GYRO_ND] * v[OMNI_PARAM_GYRO_ND] * c->step_s;
     e->q_bias = v[OMNI_PARAM_GYRO_BRW] * v[OMNI_PARAM_GYRO_BRW] * c->step_s;
     e->p_bias = v[OMNI_PARAM_GYRO_B_SD] * v[OMNI_PARAM_GYRO_B_SD];
     e->p_scale = v[OMNI_PARAM_GYRO_S_SD] * v[OMNI_PARAM_GYRO_S_SD];
@@ -92,21 +92,21 @@ static void set_flow(omni_robot_config_t *c, const omni_real_t *v) {
     omni_flow_config_t *f = &c->flow;
     const uint8_t mode = (uint8_t)v[OMNI_PARAM_FLOW_MODE];
     f->axes = mode == OMNI_FLOW_MODE_OFF ? 0 : (mode == OMNI_FLOW_MODE_XY ? 2 : 3);
-    f->arm_m[0] = v[OMNI_PARAM_FLOW_X];
-    f->arm_m[1] = v[OMNI_PARAM_FLOW_Y];
-    omni_sincosf(v[OMNI_PARAM_FLOW_ANGLE] * DEG, &f->sine, &f->cosine);
+    f->lever_arm_m[0] = v[OMNI_PARAM_FLOW_X];
+    f->lever_arm_m[1] = v[OMNI_PARAM_FLOW_Y];
+    omni_sincosf(v[OMNI_PARAM_FLOW_ANGLE] * DEG, &f->mount_sine, &f->mount_cosine);
     f->scale = v[OMNI_PARAM_FLOW_SCALE];
     f->r_xy = flow_square(v[OMNI_PARAM_FLOW_SD]);
-    f->r_share = flow_square(v[OMNI_PARAM_FLOW_SHARE]);
+    f->r_relative = flow_square(v[OMNI_PARAM_FLOW_SHARE]);
     f->r_turn = flow_square(v[OMNI_PARAM_FLOW_T_SD]);
     f->delay_us = (uint32_t)(v[OMNI_PARAM_FLOW_DELAY] * 1e6f + 0.5f);
     c->pose_ekf.flow_gate = v[OMNI_PARAM_FLOW_GATE];
 }
 
 /*
- * Four wheels always push against each other a little, and rubber creeps under that. It does so by 1.5 mm/s (3 N on
- * 2000 N s/m), for about a second in the same direction. It looks like slip and is none. As white noise of the sum over
- * a time, it has twice the variance times that second.
+ * Creep of four redundant wheels: they always push against each other a little, and rubber creeps by 1.5 mm/s under 3 N
+ * (2000 N s/m), for about a second in one direction. It must not be estimated as slip. Equivalent white noise of the
+ * integral over a time: twice the variance times the correlation time of 1 s.
  */
 static const omni_real_t NULL_CREEP_m2_s = 2.0f * 1.5e-3f * 1.5e-3f * 1.0f;
 
@@ -125,21 +125,20 @@ static void set_pose_ekf(omni_robot_config_t *c, const omni_real_t *v) {
     e->r_count = count_m * count_m / 6.0f;
     e->r_null = e->r_count + NULL_CREEP_m2_s * (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
     e->gate = v[OMNI_PARAM_EKF_GATE];
-    e->adapt = v[OMNI_PARAM_EKF_ADAPT];
-    e->alone = v[OMNI_PARAM_EKF_ALONE] * v[OMNI_PARAM_EKF_ALONE] - 1.0f;
+    e->adapt_rate = v[OMNI_PARAM_EKF_ADAPT];
+    e->dead_reckoning_noise = v[OMNI_PARAM_EKF_ALONE] * v[OMNI_PARAM_EKF_ALONE] - 1.0f;
     e->gate_restart = (uint16_t)v[OMNI_PARAM_EKF_GATE_N];
     const omni_real_t slot_s = (omni_real_t)OMNI_EKF_SLOT_TICKS * c->step_s;
     const omni_real_t return_s = v[OMNI_PARAM_EKF_RETURN];
-    e->mean_rate = return_s > 0.0f ? slot_s / (return_s > slot_s ? return_s : slot_s) : 0.0f;
+    e->mean_reversion = return_s > 0.0f ? slot_s / (return_s > slot_s ? return_s : slot_s) : 0.0f;
 }
 
-/* Of all controllers, whichever is in use: the others' gains are checked, too. The one in use comes last, see
- * controllers.h. */
+/* Configure all controllers, so that all gains are checked. The one in use comes last, see controllers.h. */
 static omni_result_t set_controllers(omni_robot_config_t *c, const omni_real_t *v, int32_t *bad_index) {
     omni_result_t result = OMNI_OK;
     c->controller = (uint8_t)v[OMNI_PARAM_CTL_MODE];
     c->control_period = (uint8_t)v[OMNI_PARAM_CTL_PERIOD];
-    c->slip_feed = v[OMNI_PARAM_ISMC_SLIP];
+    c->slip_feedforward = v[OMNI_PARAM_ISMC_SLIP];
 #define OMNI_ROW(NAME, name)                                                                                           \
     if (result == OMNI_OK) {                                                                                           \
         result = omni_configure_##name(c, v, bad_index);                                                               \
@@ -155,20 +154,20 @@ static omni_result_t set_controllers(omni_robot_config_t *c, const omni_real_t *
     return result;
 }
 
-/* n^T r phi' = 0 for the motions of a body [omni/kinematics.h]; so the torques, and voltages, along n r move none. */
-static void set_opposed(omni_wheel_speed_config_t *w, const omni_kinematics_t *k) {
+/* n^T r phi' = 0 for all body motions [omni/kinematics.h]; so torques and voltages along n r do not move the body. */
+static void set_null_direction(omni_wheel_speed_config_t *w, const omni_kinematics_t *k) {
     omni_real_t length2 = 0.0f;
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        w->opposed[i] = k->has_null ? k->null[i] * k->radius_m[i] : 0.0f;
-        length2 += w->opposed[i] * w->opposed[i];
+        w->null_direction[i] = k->has_null ? k->null[i] * k->radius_m[i] : 0.0f;
+        length2 += w->null_direction[i] * w->null_direction[i];
     }
     const omni_real_t per_length = length2 > 0.0f ? 1.0f / omni_sqrtf(length2) : 0.0f;
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
-        w->opposed[i] *= per_length;
+        w->null_direction[i] *= per_length;
     }
 }
 
-/* The body in units of the wheel's own inertia: so one acceleration stands for both, see omni_kinematics_add_body. */
+/* Body inertia relative to the wheel's, see omni_kinematics_add_body_inertia. */
 static void set_body_load(omni_robot_config_t *c, const omni_real_t *v) {
     const omni_real_t share = v[OMNI_PARAM_WS_FF_BODY];
     c->body_load.used = share > 0.0f;
@@ -189,7 +188,7 @@ static void set_wheel_speed(omni_robot_config_t *c, const omni_real_t *v) {
     w->ff_acceleration_V_s2 = v[OMNI_PARAM_WS_FF] * omni_motor_acceleration_gain(&c->motor);
     w->ff_static_V = v[OMNI_PARAM_WS_FF_S];
     w->duty_limit = v[OMNI_PARAM_LIM_DUTY];
-    set_opposed(w, &c->kinematics);
+    set_null_direction(w, &c->kinematics);
 }
 
 static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
@@ -199,7 +198,7 @@ static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
     l->turn_rad_s = v[OMNI_PARAM_LIM_W];
     l->acceleration_m_s2 = v[OMNI_PARAM_LIM_A];
     l->position_m = v[OMNI_PARAM_LIM_POS];
-    l->reference_share = v[OMNI_PARAM_TRJ_MARGIN];
+    l->wheel_speed_fraction = v[OMNI_PARAM_TRJ_MARGIN];
     l->command_timeout_s = v[OMNI_PARAM_SAFE_CMD_TO];
     l->link_timeout_s = v[OMNI_PARAM_SAFE_LINK_TO];
     l->fix_timeout_s = v[OMNI_PARAM_FIX_TIMEOUT];
@@ -210,20 +209,20 @@ static void set_limits(omni_robot_config_t *c, const omni_real_t *v) {
     l->error_rad = v[OMNI_PARAM_SAFE_ERR_TH];
     l->stall_s = v[OMNI_PARAM_SAFE_STALL_T];
     l->stall_V = v[OMNI_PARAM_SAFE_STALL_V];
-    l->count_due = c->rad_per_count * c->speed_gain_V_s / (0.1f * c->step_s);
+    l->volt_ticks_per_count_V = c->rad_per_count * c->speed_gain_V_s / (0.1f * c->step_s);
     l->battery_min_V = v[OMNI_PARAM_BAT_V_MIN];
     l->supply_nominal_V = v[OMNI_PARAM_BAT_V_NOM];
     l->driver_failures = (uint16_t)v[OMNI_PARAM_SAFE_I2C_N];
 }
 
-/* A wheel at its current limit that does not turn is to be found, too, however little voltage that takes. */
+/* The stall threshold must be below the voltage of a blocked wheel at its current limit. */
 static void set_current(omni_robot_config_t *c, const omni_real_t *v) {
-    const omni_real_t found = 0.9f; /* of the limit's voltage: the estimated speed is noise then */
+    const omni_real_t stall_fraction = 0.9f; /* of the limit's voltage: margin for noise of the estimated speed */
     omni_current_configure(&c->current, v[OMNI_PARAM_LIM_I], v[OMNI_PARAM_SAFE_I], v[OMNI_PARAM_SAFE_I_TC],
                            c->motor.constant_N_m_A, c->motor.resistance_ohm, c->motor.inductance_H, c->rad_per_count,
                            c->step_s);
-    if (c->current.limited && found * c->current.limit_V < c->limits.stall_V) {
-        c->limits.stall_V = found * c->current.limit_V;
+    if (c->current.limit_enabled && stall_fraction * c->current.limit_V < c->limits.stall_V) {
+        c->limits.stall_V = stall_fraction * c->current.limit_V;
     }
 }
 

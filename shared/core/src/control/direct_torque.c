@@ -8,13 +8,12 @@
 
 static const omni_real_t gravity_m_s2 = 9.80665f;
 
-/* Share of a limit over which outward torque fades. */
+/* Fraction of a limit over which outward torque fades. */
 static const omni_real_t slip_fade = 0.5f;
 static const omni_real_t speed_fade = 0.1f;
 
-/* Share of a wheel's excess speed that braking takes away per step: 1 would be dead beat and leave no room for delay.
- */
-static const omni_real_t brake_share = 0.5f;
+/* Fraction of a wheel's excess speed removed per step. 1 would be deadbeat, without margin for delay. */
+static const omni_real_t brake_gain = 0.5f;
 
 static bool pose_inputs_are_finite(const omni_pose_t *pose, const omni_twist_t *rate,
                                    const omni_reference_t *reference) {
@@ -43,7 +42,7 @@ static void allocate_forces(const omni_kinematics_t *k, const omni_twist_t *wren
     }
 }
 
-/* M a, and the factor by which `a` was cut so that no wheel asks the floor for more than its grip. */
+/* M a, with `a` limited so that no wheel's force exceeds friction. @return the limiting factor. */
 static omni_real_t body_forces(const omni_direct_torque_config_t *config, const omni_kinematics_t *k, omni_twist_t *a,
                                omni_real_t *force_N) {
     const omni_twist_t wrench = {config->mass_kg * a->vx, config->mass_kg * a->vy, config->inertia_kg_m2 * a->wz};
@@ -111,8 +110,7 @@ omni_real_t omni_direct_torque_step(const omni_direct_torque_config_t *config, c
     return gripped * omni_saturate_direction(torque_N_m, k->wheels, config->torque_limit_N_m);
 }
 
-/* How much of an outward torque is left `room_m_s` before a limit, and the torque that brings back what is beyond it.
- */
+/* Bound on outward torque near a speed limit: fraction that is allowed, and braking torque beyond the limit. */
 typedef struct bound_t {
     omni_real_t share;
     omni_real_t brake_N_m;
@@ -122,7 +120,7 @@ static bound_t force_bound(const omni_direct_torque_config_t *config, omni_real_
                            omni_real_t radius_m) {
     bound_t b = {omni_clampf(room_m_s / fade_m_s, 0.0f, 1.0f), 0.0f};
     if (omni_any(room_m_s < 0.0f)) {
-        omni_real_t brake_N_m = -room_m_s * brake_share * config->wheel_inertia_kg_m2 / (radius_m * config->step_s);
+        omni_real_t brake_N_m = -room_m_s * brake_gain * config->wheel_inertia_kg_m2 / (radius_m * config->step_s);
         if (config->torque_limit_N_m > 0.0f) {
             brake_N_m = omni_clampf(brake_N_m, 0.0f, config->torque_limit_N_m);
         }
@@ -137,7 +135,7 @@ static bound_t tighter_bound(bound_t a, bound_t b) {
     return a;
 }
 
-/* The bound on torque in the direction `sign` for a rim speed and the floor's. */
+/* Tightest bound on torque in the direction `sign`, from rim speed and floor speed. */
 static bound_t outward_bound(const omni_direct_torque_config_t *config, omni_real_t sign, omni_real_t rim_m_s,
                              omni_real_t floor_m_s, omni_real_t radius_m) {
     bound_t b = {1.0f, 0.0f};

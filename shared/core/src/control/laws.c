@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The rows of the laws in control/. */
+/* Table rows of the controllers in control/. */
 #include <stddef.h>
 #include <string.h>
 
@@ -7,13 +7,13 @@
 #include "controllers.h"
 #include "pose_control.h"
 
-static void controller_reset_nothing(omni_control_state_t *control) {
+static void controller_reset_none(omni_control_state_t *control) {
     (void)control;
 }
 
-static void controller_step_nothing(omni_control_state_t *control, const omni_robot_config_t *config,
-                                    const omni_estimate_t *estimate, const omni_reference_t *reference,
-                                    omni_flag_t saturated) {
+static void controller_step_none(omni_control_state_t *control, const omni_robot_config_t *config,
+                                 const omni_estimate_t *estimate, const omni_reference_t *reference,
+                                 omni_flag_t saturated) {
     (void)control;
     (void)config;
     (void)estimate;
@@ -33,7 +33,7 @@ static void controller_step_ismc(omni_control_state_t *control, const omni_robot
     control->demand.twist = omni_rotate_to_body(&world, &estimate->heading);
 }
 
-/* Super-twisting has a condition of its own on the rate of the slip error: its margin is told and not judged. */
+/* Super-twisting has another condition, on the rate of the slip error: the margin is reported without a warning. */
 static bool controller_margin_ismc(const omni_robot_config_t *config, const omni_twist_t *slip,
                                    omni_real_t margin[OMNI_AXES]) {
     omni_ismc_gain_margin(&config->ismc, slip, margin);
@@ -44,7 +44,7 @@ static void controller_reset_fl(omni_control_state_t *control) {
     omni_fl_reset(&control->fl);
 }
 
-/* P, PD and PID differ in their gains only: omni_robot_config leaves out what the name does not have. */
+/* P, PD and PID differ in their gains only: omni_robot_config sets the others to 0. */
 static void controller_step_fl(omni_control_state_t *control, const omni_robot_config_t *config,
                                const omni_estimate_t *estimate, const omni_reference_t *reference,
                                omni_flag_t saturated) {
@@ -79,7 +79,7 @@ static void controller_step_torque(omni_control_state_t *control, const omni_rob
                                                    &estimate->rate, reference, demand->torque_N_m, &demand->terms);
 }
 
-const omni_controller_t omni_controller_row_none = {OMNI_DEMAND_NONE, controller_reset_nothing, controller_step_nothing,
+const omni_controller_t omni_controller_row_none = {OMNI_DEMAND_NONE, controller_reset_none, controller_step_none,
                                                     NULL};
 const omni_controller_t omni_controller_row_ismc = {OMNI_DEMAND_TWIST, controller_reset_ismc, controller_step_ismc,
                                                     controller_margin_ismc};
@@ -88,5 +88,5 @@ const omni_controller_t omni_controller_row_pd = {OMNI_DEMAND_TWIST, controller_
 const omni_controller_t omni_controller_row_pid = {OMNI_DEMAND_TWIST, controller_reset_fl, controller_step_fl, NULL};
 const omni_controller_t omni_controller_row_original = {OMNI_DEMAND_VOLTAGE, controller_reset_original,
                                                         controller_step_original, NULL};
-const omni_controller_t omni_controller_row_torque = {OMNI_DEMAND_TORQUE, controller_reset_nothing,
-                                                      controller_step_torque, NULL};
+const omni_controller_t omni_controller_row_torque = {OMNI_DEMAND_TORQUE, controller_reset_none, controller_step_torque,
+                                                      NULL};

@@ -26,7 +26,7 @@ void omni_original_reset(omni_original_state_t *state) {
     memset(state, 0, sizeof *state);
 }
 
-/* Put a sample into the window and return W: sum / 100. Summed anew each time, so nothing drifts. */
+/* Put a sample into the window and return W: sum / 100. Recomputed each time, so rounding does not accumulate. */
 static omni_real_t windowed_sum(omni_real_t window[OMNI_ORIGINAL_WINDOW], uint8_t slot, omni_real_t sample) {
     omni_real_t sum = 0.0f;
     window[slot] = sample;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** @file pid_inline.h  The functions of omni/pid.h that the tick uses, with their bodies: see math_inline.h. Not part
+/** @file pid_inline.h  Inline bodies of the functions of omni/pid.h that the tick uses: see math_inline.h. Not part
  * of the API. */
 #ifndef OMNI_PID_INLINE_H
 #define OMNI_PID_INLINE_H
@@ -23,7 +23,7 @@ OMNI_PID_INLINE omni_real_t omni_pid_step(omni_pid_state_t *state, const omni_pi
     /* [report eq. 38] as an output: P and I on the error, D on the measurement so that a step of the reference gives no
      * spike */
     const omni_real_t output = config->kp * error + integral - config->kd * derivative + feed_forward;
-    /* Times any gain, 0 too, what is not finite makes the output so. */
+    /* Any input that is not finite makes the output so, even with gains of 0. */
     if (!omni_is_finite(output)) {
         return 0.0f;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/** @file pose_control.h  What the position controllers share. Not part of the API. */
+/** @file pose_control.h  Common functions of the position controllers. Not part of the API. */
 #ifndef OMNI_POSE_CONTROL_H
 #define OMNI_POSE_CONTROL_H
 

@@ -6,14 +6,14 @@
 #include "../model/kinematics_inline.h"
 #include "controllers.h"
 
-/* How sure the bound on the slip error is, in standard deviations. */
+/* Bound on the slip error in standard deviations. */
 static const omni_real_t sigmas = 3.0f;
 
-/* A violation shows after this long, and goes after as long without one. */
+/* Debounce time of the warning, both ways. */
 static const omni_real_t debounce_s = 0.5f;
 
-/* Ticks from one look to the next: slip and speed, which decide, take far longer to change. */
-enum { look_ticks = 8 };
+/* Update period: slip and speed change far more slowly. */
+enum { margin_period_ticks = 8 };
 
 /* d(world twist) / d(slip ratios): rows of R^T B+ diag(r phi'). */
 static inline void slip_sensitivity(const omni_kinematics_t *k, const omni_estimate_t *estimate,
@@ -28,8 +28,7 @@ static inline void slip_sensitivity(const omni_kinematics_t *k, const omni_estim
     }
 }
 
-/* Largest plausible |B+ (v_s - v_s_hat)| on one axis: what of the estimate isn't fed forward, and what the estimate may
- * be off by. */
+/* Bound of |B+ (v_s - v_s_hat)| on one axis: uncompensated part of the estimate, and its uncertainty. */
 static inline omni_real_t slip_bound(const omni_pose_ekf_config_t *config, const omni_pose_ekf_state_t *ekf,
                                      const omni_real_t *ratio, const omni_real_t *row, omni_real_t fed,
                                      uint8_t wheels) {
@@ -60,24 +59,24 @@ static inline omni_twist_t slip_bounds(const omni_robot_config_t *config, const 
                           slip_bound(c, ekf, ratio, rows[2], fed, wheels)};
 }
 
-static omni_flag_t is_covered(const omni_real_t margin[OMNI_AXES]) {
+static omni_flag_t margin_is_positive(const omni_real_t margin[OMNI_AXES]) {
     return margin[0] >= 0.0f && margin[1] >= 0.0f && margin[2] >= 0.0f;
 }
 
-static void look_again(omni_gain_margin_t *state, const omni_robot_config_t *config, const omni_pose_ekf_state_t *ekf,
-                       const omni_estimate_t *estimate) {
-    const omni_real_t fed = estimate->fix_is_fresh ? config->slip_feed : 0.0f;
+static void update_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
+                               const omni_pose_ekf_state_t *ekf, const omni_estimate_t *estimate) {
+    const omni_real_t fed = estimate->fix_is_fresh ? config->slip_feedforward : 0.0f;
     /* The count as a constant lets the compiler unroll the loops. */
     const omni_twist_t bound = config->kinematics.wheels == 3
                                    ? slip_bounds(config, ekf, estimate, fed, 3)
                                    : slip_bounds(config, ekf, estimate, fed, OMNI_MAX_WHEELS);
     const bool judged = omni_controllers[config->controller]->margin(config, &bound, state->margin);
-    const omni_flag_t open = judged && !is_covered(state->margin);
-    const omni_real_t period_s = (omni_real_t)look_ticks * config->step_s;
+    const omni_flag_t open = judged && !margin_is_positive(state->margin);
+    const omni_real_t period_s = (omni_real_t)margin_period_ticks * config->step_s;
     const omni_real_t change = omni_select(open, period_s, -period_s);
-    state->uncovered_s = omni_clampf(state->uncovered_s + change, 0.0f, debounce_s);
-    const omni_flag_t settled = state->uncovered_s == 0.0f || state->uncovered_s == debounce_s;
-    state->uncovered = omni_select(settled, state->uncovered_s > 0.0f, state->uncovered);
+    state->violated_s = omni_clampf(state->violated_s + change, 0.0f, debounce_s);
+    const omni_flag_t settled = state->violated_s == 0.0f || state->violated_s == debounce_s;
+    state->violated = omni_select(settled, state->violated_s > 0.0f, state->violated);
 }
 
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
@@ -87,9 +86,9 @@ omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_c
         memset(state, 0, sizeof *state);
     } else {
         if (state->ticks == 0) {
-            look_again(state, config, ekf, estimate);
+            update_gain_margin(state, config, ekf, estimate);
         }
-        state->ticks = (uint8_t)((state->ticks + 1) % look_ticks);
+        state->ticks = (uint8_t)((state->ticks + 1) % margin_period_ticks);
     }
-    return omni_select(state->uncovered, (uint32_t)OMNI_WARN_ISMC_GAIN, 0u);
+    return omni_select(state->violated, (uint32_t)OMNI_WARN_ISMC_GAIN, 0u);
 }

@@ -22,7 +22,7 @@ static bool wheel_inputs_are_finite(uint8_t wheels, const omni_real_t *reference
     return sum == 0.0f;
 }
 
-/* [report eq. 24 and 25] solved for the voltage of the wanted motion, plus Coulomb friction. */
+/* [report eq. 24 and 25] solved for the voltage of the reference motion, plus Coulomb friction. */
 static omni_real_t feed_forward(const omni_wheel_speed_config_t *config, omni_real_t reference,
                                 omni_real_t acceleration) {
     const omni_real_t direction = omni_clampf(reference * fade_per_rad_s, -1.0f, 1.0f);
@@ -64,14 +64,14 @@ void omni_wheel_speed_balance(omni_wheel_speed_state_t *state, const omni_wheel_
     }
     omni_real_t along = 0.0f;
     for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
-        along += config->opposed[i] * state->pid[i].integral;
+        along += config->null_direction[i] * state->pid[i].integral;
     }
     if (!omni_is_finite(along)) {
         return;
     }
     const omni_real_t limit = config->pid.integral_limit;
     for (int i = 0; i < OMNI_MAX_WHEELS; i++) {
-        const omni_real_t rest = state->pid[i].integral - config->opposed[i] * along;
+        const omni_real_t rest = state->pid[i].integral - config->null_direction[i] * along;
         state->pid[i].integral = omni_clampf(rest, -limit, limit);
     }
 }

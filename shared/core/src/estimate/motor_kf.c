@@ -68,15 +68,15 @@ static inline void predict_motor(omni_motor_kf_state_t *state, const omni_motor_
  *
  *   P = (I - K C) P (I - K C)^T + K R K^T,  C = [1 0 ..],  K = column / total,  total = C P C^T + R
  *
- * In the measured row 1 - K_0 = R / total leaves R K^T, which cannot cancel; this
- * is what any other entry changes by.
+ * In the measured row 1 - K_0 = R / total leaves R K^T, without cancellation. This function is the change of the other
+ * entries.
  */
 static omni_real_t joseph_change(omni_real_t gain_i, omni_real_t gain_j, omni_real_t column_i, omni_real_t column_j,
                                  omni_real_t total) {
     return gain_i * (gain_j * total - column_j) - gain_j * column_i;
 }
 
-static bool note_innovation(omni_motor_kf_state_t *state, omni_real_t innovation, omni_real_t total) {
+static bool record_innovation(omni_motor_kf_state_t *state, omni_real_t innovation, omni_real_t total) {
     state->innovation = innovation;
     state->innovation_variance = total;
     return total > 0.0f;
@@ -87,7 +87,7 @@ static void correct_speed(omni_motor_kf_state_t *state, omni_real_t innovation, 
     const omni_real_t c1 = state->p[1][1];
     const omni_real_t c2 = state->p[1][2];
     const omni_real_t total = c1 + variance;
-    if (!note_innovation(state, innovation, total)) {
+    if (!record_innovation(state, innovation, total)) {
         return;
     }
     /* eq. 55: K = P C^T (C P C^T + R)^-1 */
@@ -110,7 +110,7 @@ static void correct_angle(omni_motor_kf_state_t *state, omni_real_t innovation, 
     const omni_real_t c1 = state->p[0][1];
     const omni_real_t c2 = state->p[0][2];
     const omni_real_t total = c0 + variance;
-    if (!note_innovation(state, innovation, total)) {
+    if (!record_innovation(state, innovation, total)) {
         return;
     }
     /* eq. 55 */
@@ -158,7 +158,7 @@ static void step_angle(omni_motor_kf_state_t *state, const omni_motor_kf_config_
     }
 }
 
-static void note_validity(omni_motor_kf_state_t *state, bool valid) {
+static void count_missed_ticks(omni_motor_kf_state_t *state, bool valid) {
     if (valid) {
         state->missed = 0;
     } else if (state->missed < UINT16_MAX) {
@@ -181,7 +181,7 @@ omni_real_t omni_motor_kf_step(omni_motor_kf_state_t *state, const omni_motor_kf
         state->x[1] = valid ? differenced_speed(state, config, moved_rad) : state->x[1];
         break;
     }
-    note_validity(state, valid);
+    count_missed_ticks(state, valid);
     return state->x[1];
 }
 
@@ -189,6 +189,6 @@ omni_real_t omni_motor_kf_step_speed(omni_motor_kf_state_t *state, const omni_mo
                                      omni_real_t voltage_V, omni_real_t speed_rad_s) {
     const bool valid = omni_is_finite(speed_rad_s);
     step_speed(state, config, omni_is_finite(voltage_V) ? voltage_V : 0.0f, speed_rad_s, valid);
-    note_validity(state, valid);
+    count_missed_ticks(state, valid);
     return state->x[1];
 }

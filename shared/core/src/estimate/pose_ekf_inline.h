@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file pose_ekf_inline.h
- * What the tick asks of the pose EKF's covariance, with bodies to be inlined: see math_inline.h. Not part of the API.
+ * Accessors of the pose EKF's covariance for the tick, inlined: see math_inline.h. Not part of the API.
  */
 #ifndef OMNI_POSE_EKF_INLINE_H
 #define OMNI_POSE_EKF_INLINE_H
@@ -15,11 +15,11 @@ static inline omni_real_t omni_pose_ekf_variance(const omni_pose_ekf_state_t *st
 
 /** Bias of the gyro [rad/s], and its variance. */
 static inline omni_real_t omni_pose_ekf_bias(const omni_pose_ekf_state_t *state) {
-    return state->slip[OMNI_EKF_BIAS];
+    return state->error_state[OMNI_EKF_GYRO_BIAS];
 }
 
 static inline omni_real_t omni_pose_ekf_bias_variance(const omni_pose_ekf_state_t *state) {
-    return state->p[OMNI_AXES + OMNI_EKF_BIAS][OMNI_AXES + OMNI_EKF_BIAS];
+    return state->p[OMNI_AXES + OMNI_EKF_GYRO_BIAS][OMNI_AXES + OMNI_EKF_GYRO_BIAS];
 }
 
 /** Variance of sum row[i] s_i, the slip ratios weighted with `row`. @param wheels entries of `row`; mode slip only. */

@@ -14,7 +14,7 @@ static omni_int_t largest_step(const omni_robot_config_t *c, omni_real_t supply_
     return omni_select(counts < 1e6f, (omni_int_t)counts + 4, 1000000);
 }
 
-/* Tick periods since the last tick, 0 on the first, 1 if nobody can tell. */
+/* Tick periods since the last tick, 0 on the first, 1 if the time is invalid. */
 static omni_uint_t count_steps(omni_estimator_t *estimator, uint64_t now, uint32_t *steps) {
     omni_uint_t faults = 0;
     *steps = 0;
@@ -32,15 +32,15 @@ static omni_uint_t count_steps(omni_estimator_t *estimator, uint64_t now, uint32
     return faults;
 }
 
-/* Bits per wheel. */
-typedef struct counted_t {
+/* Validity of the counts, a bit per wheel. */
+typedef struct count_validity_t {
     uint8_t trusted; /* the difference can be used */
-    uint8_t jumped;  /* the counter is somewhere else now, and nobody knows how far that is */
-} counted_t;
+    uint8_t jumped;  /* the counter has jumped by an unknown amount */
+} count_validity_t;
 
 /* Differences of the counters. */
 static omni_uint_t read_counts(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                               omni_estimate_t *estimate, counted_t *counted) {
+                               omni_estimate_t *estimate, count_validity_t *counted) {
     const omni_int_t largest = largest_step(c, estimate->supply_V, estimate->steps);
     omni_uint_t faults = 0;
     counted->trusted = 0;
@@ -54,13 +54,13 @@ static omni_uint_t read_counts(omni_estimator_t *estimator, const omni_robot_con
         estimate->delta_counts[i] = 0;
         if (reported && possible) {
             estimate->delta_counts[i] = c->encoder_direction[i] < 0 ? -delta : delta;
-            estimator->encoder_ticks[i] = 0;
+            estimator->missing_count_ticks[i] = 0;
             counted->trusted |= (uint8_t)(1u << i);
         } else if (estimator->primed) {
             counted->jumped |= (uint8_t)((reported ? 1u : 0u) << i);
             faults |= OMNI_WARN_ENCODER;
-            ++estimator->encoder_ticks[i];
-            if (estimator->encoder_ticks[i] >= OMNI_ENCODER_TICKS) {
+            ++estimator->missing_count_ticks[i];
+            if (estimator->missing_count_ticks[i] >= OMNI_ENCODER_TICKS) {
                 faults |= OMNI_FAULT_ENCODER;
             }
         }
@@ -71,11 +71,11 @@ static omni_uint_t read_counts(omni_estimator_t *estimator, const omni_robot_con
     return faults;
 }
 
-/* The angle a wheel turned: counted where the count can be trusted, else guessed from the filter's speed. Counts that
- * stayed away for a while come with all they moved since; the guesses for that while are taken back. */
+/* Rotation of a wheel: from a valid count, else extrapolated from the filter's speed. The first valid count after a gap
+ * contains the whole motion, so what was extrapolated is subtracted. */
 static omni_real_t turned_angle(omni_estimator_t *estimator, const omni_robot_config_t *c,
-                                const omni_estimate_t *estimate, uint8_t wheel, const counted_t *counted) {
-    omni_real_t *guessed = &estimator->guessed_rad[wheel];
+                                const omni_estimate_t *estimate, uint8_t wheel, const count_validity_t *counted) {
+    omni_real_t *guessed = &estimator->extrapolated_rad[wheel];
     if ((counted->trusted >> wheel & 1) != 0) {
         const omni_real_t counted_rad = (omni_real_t)estimate->delta_counts[wheel] * c->rad_per_count - *guessed;
         *guessed = 0.0f;
@@ -87,7 +87,7 @@ static omni_real_t turned_angle(omni_estimator_t *estimator, const omni_robot_co
 }
 
 /* Wheel filters, then the angles. */
-static void estimate_wheels(omni_estimator_t *estimator, const omni_robot_config_t *c, const counted_t *counted,
+static void estimate_wheels(omni_estimator_t *estimator, const omni_robot_config_t *c, const count_validity_t *counted,
                             const omni_real_t *applied_V, omni_estimate_t *estimate, omni_real_t *turned_rad) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         omni_motor_kf_state_t *kf = &estimator->motor_kf[i];
@@ -113,46 +113,48 @@ static bool fix_is_fresh(const omni_pose_ekf_state_t *ekf, const omni_robot_conf
     return ekf->last_fix_us != 0 && omni_robot_age_s(now_us, ekf->last_fix_us) <= c->limits.fix_timeout_s;
 }
 
-/* The gyro gives the turn of this tick, if its reading can be used. */
+/* Prediction with a gyro. */
 static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_robot_config_t *c,
                                      const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t trusted,
-                                     bool timed, const omni_real_t *turned_rad, const omni_real_t *applied_V)
+                                     bool interval_valid, const omni_real_t *turned_rad, const omni_real_t *applied_V)
     __attribute__((noinline));
 
 static omni_uint_t predict_with_gyro(omni_estimator_t *estimator, const omni_robot_config_t *c,
                                      const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t trusted,
-                                     bool timed, const omni_real_t *turned_rad, const omni_real_t *applied_V) {
+                                     bool interval_valid, const omni_real_t *turned_rad, const omni_real_t *applied_V) {
     omni_gyro_tick_t tick = {.time_us = inputs->time_us,
                              .reading = inputs->gyro_rad_s,
                              .valid = inputs->gyro_valid,
-                             .timed = timed,
+                             .interval_valid = interval_valid,
                              .duration_s = c->step_s * (omni_real_t)estimate->steps};
     omni_twist_t body;
     omni_kinematics_forward(&c->kinematics, estimate->wheel_rad_s, NULL, &body);
-    tick.wheels_rad_s = body.wz;
+    tick.wheel_yaw_rate_rad_s = body.wz;
     tick.wheels_x_m_s = body.vx;
     tick.wheels_y_m_s = body.vy;
-    tick.driven = false;
-    tick.still = trusted == (1u << c->kinematics.wheels) - 1u;
+    tick.motors_driven = false;
+    tick.wheels_still = trusted == (1u << c->kinematics.wheels) - 1u;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        tick.still = tick.still && estimate->delta_counts[i] == 0;
-        tick.driven = tick.driven || applied_V[i] != 0.0f;
+        tick.wheels_still = tick.wheels_still && estimate->delta_counts[i] == 0;
+        tick.motors_driven = tick.motors_driven || applied_V[i] != 0.0f;
     }
     const bool usable =
         omni_gyro_step(&estimator->gyro, &c->gyro, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
-    omni_pose_ekf_predict_turn(&estimator->pose_ekf, &c->pose_ekf, &c->kinematics, turned_rad, &estimator->gyro.turn,
+    omni_pose_ekf_predict_gyro(&estimator->pose_ekf, &c->pose_ekf, &c->kinematics, turned_rad, &estimator->gyro.turn,
                                inputs->time_us);
     return usable ? (omni_uint_t)0u : (omni_uint_t)OMNI_WARN_GYRO;
 }
 
-/* What a sensor of motion over the floor says corrects the prediction. */
+/* Correction by floor odometry. */
 static omni_uint_t use_flow(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                            bool timed) __attribute__((noinline));
+                            bool interval_valid) __attribute__((noinline));
 
 static omni_uint_t use_flow(omni_estimator_t *estimator, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                            bool timed) {
-    const omni_flow_tick_t tick = {
-        .time_us = inputs->time_us, .reading = inputs->flow_moved, .valid = inputs->flow_valid, .timed = timed};
+                            bool interval_valid) {
+    const omni_flow_tick_t tick = {.time_us = inputs->time_us,
+                                   .reading = inputs->flow_moved,
+                                   .valid = inputs->flow_valid,
+                                   .interval_valid = interval_valid};
     const omni_flag_t usable =
         omni_flow_step(&estimator->flow, &c->flow, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
     return omni_select(usable, (omni_uint_t)0u, (omni_uint_t)OMNI_WARN_FLOW);
@@ -178,7 +180,7 @@ static omni_uint_t use_fix(omni_pose_ekf_state_t *ekf, const omni_robot_config_t
         const omni_pose_fix_t fix = centre_fix(c, &inputs->fix);
         (void)omni_pose_ekf_correct(ekf, &c->pose_ekf, &c->kinematics, &fix);
     }
-    if (ekf->refused_in_row > 0) {
+    if (ekf->consecutive_refusals > 0) {
         faults |= OMNI_WARN_FIX_REFUSED;
     }
     *is_fresh = fix_is_fresh(ekf, c, inputs->time_us);
@@ -194,10 +196,10 @@ static void read_pose(const omni_pose_ekf_state_t *ekf, omni_estimate_t *estimat
 }
 
 static omni_real_t slip_ratio(const omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, uint8_t wheel) {
-    return c->pose_ekf.mode == OMNI_EKF_MODE_SLIP ? ekf->slip[wheel] : 0.0f;
+    return c->pose_ekf.mode == OMNI_EKF_MODE_SLIP ? ekf->error_state[wheel] : 0.0f;
 }
 
-/* Slip, twist, and how sure the filter is. */
+/* Slip, twist, and the filter's diagnostics. */
 static void derive_motion(const omni_pose_ekf_state_t *ekf, const omni_robot_config_t *c, omni_estimate_t *estimate) {
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
         const omni_real_t ratio = slip_ratio(ekf, c, i);
@@ -215,9 +217,9 @@ static void derive_motion(const omni_pose_ekf_state_t *ekf, const omni_robot_con
 
 omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config,
                                 const omni_inputs_t *inputs, const omni_applied_t *last, omni_estimate_t *estimate) {
-    const omni_real_t most_V = 1000.0f; /* beyond it no measurement: the filters' squares would overflow */
+    const omni_real_t most_V = 1000.0f; /* beyond it the reading is invalid: the filters' squares would overflow */
     const bool measured = inputs->battery_V >= -most_V && inputs->battery_V <= most_V;
-    counted_t counted;
+    count_validity_t counted;
     memset(estimate->wheel_rad_s, 0, sizeof estimate->wheel_rad_s);
     memset(estimate->slip_m_s, 0, sizeof estimate->slip_m_s);
     estimate->supply_V = measured && inputs->battery_V > 0.0f ? inputs->battery_V : config->limits.supply_nominal_V;
@@ -233,9 +235,9 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
             omni_pose_ekf_predict(&estimator->pose_ekf, &config->pose_ekf, &config->kinematics, turned_rad,
                                   inputs->time_us);
         } else {
-            const bool timed = (faults & (uint32_t)OMNI_FAULT_TIME) == 0;
-            faults |= predict_with_gyro(estimator, config, inputs, estimate, counted.trusted, timed, turned_rad,
-                                        last->voltage_V);
+            const bool interval_valid = (faults & (uint32_t)OMNI_FAULT_TIME) == 0;
+            faults |= predict_with_gyro(estimator, config, inputs, estimate, counted.trusted, interval_valid,
+                                        turned_rad, last->voltage_V);
         }
         if (config->flow.axes != 0) {
             faults |= use_flow(estimator, config, inputs, (faults & (uint32_t)OMNI_FAULT_TIME) == 0);
@@ -250,11 +252,12 @@ omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_co
 
 void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                          omni_estimate_t *estimate) {
-    omni_ekf_gyro_t gyro;
+    omni_ekf_gyro_calibration_t gyro;
     omni_pose_ekf_get_gyro(&estimator->pose_ekf, &gyro);
     omni_pose_ekf_set_pose(&estimator->pose_ekf, &config->pose_ekf, &inputs->pose, inputs->time_us);
     omni_pose_ekf_set_gyro(&estimator->pose_ekf, &gyro);
-    memset(estimator->flow.taken, 0, sizeof estimator->flow.taken); /* it moved the pose of before */
+    memset(estimator->flow.accumulated_correction, 0,
+           sizeof estimator->flow.accumulated_correction); /* those corrections were of the previous pose */
     read_pose(&estimator->pose_ekf, estimate);
     for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
         estimate->slip_ratio[i] = slip_ratio(&estimator->pose_ekf, config, i);

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file invariant.h
- * Statements that hold whatever comes in. The core checks its inputs; these say what the code relies on afterwards.
+ * Assertions of internal invariants: conditions that hold for any input after the core's input checks.
  *
- * OMNI_INVARIANT(condition) ends the program where the condition does not hold. It does so if OMNI_ASSERTS is defined:
- * in tests, sanitizers, fuzzers and the parity gate on the PC (cmake/flags.cmake). Otherwise nothing is computed: on
- * the robot a tick goes on, and seals what it gives out. A condition on numbers goes into omni_all (omni/numbers.h).
+ * OMNI_INVARIANT(condition) traps if the condition is false and OMNI_ASSERTS is defined: in tests, sanitizers, fuzzers
+ * and the parity gate on the PC (cmake/flags.cmake). Otherwise it compiles to nothing: on the robot the tick continues,
+ * and gate_actuation() checks its outputs. Conditions on numbers use omni_all (omni/numbers.h).
  */
 #ifndef OMNI_INVARIANT_H
 #define OMNI_INVARIANT_H

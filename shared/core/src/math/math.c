@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: MIT */
-/* The inline functions get their callable form here. */
+/* External definitions of the inline functions. */
 #define OMNI_INLINE
 #include "math_inline.h"
 

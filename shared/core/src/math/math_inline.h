@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file math_inline.h
- * The small functions of omni/math.h with their bodies, for the core's own sources. Called out of line they would cost
- * a fifth of the tick. The source math.c includes this with OMNI_INLINE empty and so provides the functions for
- * everybody else. Not part of the API.
+ * Inline bodies of the small functions of omni/math.h, for the core's sources. Why: calls would cost a fifth of the
+ * tick. math.c includes this with OMNI_INLINE empty and so provides the external definitions. Not part of the API.
  */
 #ifndef OMNI_MATH_INLINE_H
 #define OMNI_MATH_INLINE_H
@@ -11,7 +10,7 @@
 #include "omni/math.h"
 
 #ifndef OMNI_INLINE
-/* gnu_inline: a body to inline, never a second definition. */
+/* gnu_inline: inline only, emits no external definition. */
 #define OMNI_INLINE extern inline __attribute__((gnu_inline, always_inline))
 #endif
 

@@ -4,24 +4,24 @@
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 
-/* A motor counts as braking from this share of the limit's voltage on as back-EMF. Below it the wheel as good as
- * stands: the speed of a blocked wheel is noise of either sign. */
-static const omni_real_t BRAKE_SHARE = 0.05f;
-/* Beyond this a current is gone after a tick; and nothing that can be believed makes more heat. */
-static const omni_real_t GONE = 60.0f;
-static const omni_real_t MOST_HEAT = 1e6f;
-/* Counts that cannot be used may hide a turning wheel for three ticks, then they stop the robot. */
-static const omni_real_t QUIET = 3.0f;
-static const omni_real_t MOST_QUIET = 1000.0f;
+/* Back-EMF, as a fraction of the limit's voltage, above which a motor may count as braking. Below it the sign of a
+ * blocked wheel's speed is noise. */
+static const omni_real_t BRAKING_EMF_FRACTION = 0.05f;
+/* Largest R T / L: the current decays within a tick. Largest plausible heat. */
+static const omni_real_t MAX_DECAY_EXPONENT = 60.0f;
+static const omni_real_t MAX_HEAT = 1e6f;
+/* Ticks without a count for which the filter's speed is used: invalid counts stop the robot after three ticks. */
+static const omni_real_t TRUSTED_TICKS_WITHOUT_COUNT = 3.0f;
+static const omni_real_t MAX_TICKS_WITHOUT_COUNT = 1000.0f;
 
-/* exp(-x) for x >= 0: the series for a small share of x, squared up. */
-static omni_real_t share_left(omni_real_t x) {
+/* exp(-x) for x >= 0 by scaling and squaring. */
+static omni_real_t decay(omni_real_t x) {
     enum { SQUARINGS = 10 };
-    if (!(x < GONE)) {
+    if (!(x < MAX_DECAY_EXPONENT)) {
         return 0.0f;
     }
     const omni_real_t y = x * (1.0f / 1024.0f);
-    /* minus what is missing to 1: 1 would swallow its digits */
+    /* 1 - exp(-x) is squared instead of exp(-x): less cancellation */
     omni_real_t missing = y * (1.0f - y * (0.5f - y * (1.0f / 6.0f)));
     for (int i = 0; i < SQUARINGS; ++i) {
         missing = missing * (2.0f - missing);
@@ -33,47 +33,49 @@ void omni_current_configure(omni_current_config_t *config, omni_real_t limit_A, 
                             omni_real_t heat_s, omni_real_t constant_V_s, omni_real_t resistance_ohm,
                             omni_real_t inductance_H, omni_real_t rad_per_count, omni_real_t step_s) {
     const omni_real_t x = step_s / heat_s; /* at most 0.002: the next term of the series is 3e-9 of it */
-    config->limited = limit_A > 0.0f;
-    config->watched = config->limited || continuous_A > 0.0f;
+    config->limit_enabled = limit_A > 0.0f;
+    config->enabled = config->limit_enabled || continuous_A > 0.0f;
     config->limit_V = resistance_ohm * limit_A;
-    config->brake_V = BRAKE_SHARE * config->limit_V;
+    config->brake_V = BRAKING_EMF_FRACTION * config->limit_V;
     config->constant_V_s = constant_V_s;
-    config->per_ohm = 1.0f / resistance_ohm;
-    config->count_rad_s = rad_per_count / step_s;
-    config->keep = share_left(resistance_ohm / inductance_H * step_s);
-    config->heat_step = x * (1.0f - x * (0.5f - x * (1.0f / 6.0f)));
-    config->per_continuous2 = continuous_A > 0.0f ? 1.0f / (continuous_A * continuous_A) : 0.0f;
+    config->conductance_S = 1.0f / resistance_ohm;
+    config->one_count_rad_s = rad_per_count / step_s;
+    config->current_decay = decay(resistance_ohm / inductance_H * step_s);
+    config->heat_gain = x * (1.0f - x * (0.5f - x * (1.0f / 6.0f)));
+    config->inverse_continuous_A2 = continuous_A > 0.0f ? 1.0f / (continuous_A * continuous_A) : 0.0f;
 }
 
-static omni_real_t heat_after(const omni_current_config_t *config, omni_real_t heat, omni_real_t current_A) {
-    const omni_real_t goal = current_A * current_A * config->per_continuous2;
-    const omni_real_t next = heat + config->heat_step * (omni_select(goal < MOST_HEAT, goal, MOST_HEAT) - heat);
-    return omni_clampf(next, 0.0f, MOST_HEAT);
+static omni_real_t step_heat(const omni_current_config_t *config, omni_real_t heat, omni_real_t current_A) {
+    const omni_real_t goal = current_A * current_A * config->inverse_continuous_A2;
+    const omni_real_t next = heat + config->heat_gain * (omni_select(goal < MAX_HEAT, goal, MAX_HEAT) - heat);
+    return omni_clampf(next, 0.0f, MAX_HEAT);
 }
 
-/* The speed at which a wheel may turn that has given no count for so long. */
-static omni_real_t believed_speed(omni_real_t *quiet, const omni_current_config_t *config, omni_real_t speed_rad_s,
-                                  omni_int_t counts, uint32_t steps) {
+/* Speed bounded by the time without a count. */
+static omni_real_t bounded_speed(omni_real_t *quiet, const omni_current_config_t *config, omni_real_t speed_rad_s,
+                                 omni_int_t counts, uint32_t steps) {
     const omni_real_t longer = *quiet + (omni_real_t)steps;
-    *quiet = omni_select(counts != 0, 0.0f, omni_select(longer < MOST_QUIET, longer, MOST_QUIET));
-    const omni_real_t most = config->count_rad_s / omni_select(*quiet > 1.0f, *quiet, 1.0f);
-    return omni_select(*quiet > QUIET, omni_clampf(speed_rad_s, -most, most), speed_rad_s);
+    *quiet =
+        omni_select(counts != 0, 0.0f, omni_select(longer < MAX_TICKS_WITHOUT_COUNT, longer, MAX_TICKS_WITHOUT_COUNT));
+    const omni_real_t most = config->one_count_rad_s / omni_select(*quiet > 1.0f, *quiet, 1.0f);
+    return omni_select(*quiet > TRUSTED_TICKS_WITHOUT_COUNT, omni_clampf(speed_rad_s, -most, most), speed_rad_s);
 }
 
 void omni_current_estimate(omni_current_state_t *state, const omni_current_config_t *config, uint8_t wheels,
                            const omni_real_t *voltage_V, const omni_real_t *wheel_rad_s, const omni_int_t *counts,
                            bool driven, uint32_t steps) {
     for (uint8_t i = 0; i < wheels; ++i) {
-        const omni_real_t speed = believed_speed(&state->quiet[i], config, wheel_rad_s[i], counts[i], steps);
-        const omni_real_t steady_A = (voltage_V[i] - config->constant_V_s * speed) * config->per_ohm;
+        const omni_real_t speed =
+            bounded_speed(&state->ticks_without_count[i], config, wheel_rad_s[i], counts[i], steps);
+        const omni_real_t steady_A = (voltage_V[i] - config->constant_V_s * speed) * config->conductance_S;
         if (!omni_is_finite(steady_A)) {
-            continue; /* another fault stops the robot for that */
+            continue; /* omni_robot_estimate raises the fault for that */
         }
         state->wheel_rad_s[i] = speed;
         for (uint32_t step = 0; step < steps; ++step) {
-            const omni_real_t next_A = steady_A + config->keep * (state->current_A[i] - steady_A);
+            const omni_real_t next_A = steady_A + config->current_decay * (state->current_A[i] - steady_A);
             state->current_A[i] = driven ? next_A : 0.0f;
-            state->heat[i] = heat_after(config, state->heat[i], state->current_A[i]);
+            state->heat[i] = step_heat(config, state->heat[i], state->current_A[i]);
         }
     }
 }

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: MIT */
 #include <string.h>
 
-/* The inline functions get their callable form here. */
+/* External definitions of the inline functions. */
 #define OMNI_KINEMATICS_INLINE
 #include "kinematics_inline.h"
 
-/* A column of B that keeps less than this of its length beyond the other columns makes the layout singular. */
+/* Relative length of a column of B orthogonal to the other columns below which the layout is singular. */
 static const omni_real_t smallest_independent = 1e-3f;
 
-/* What omni_sincosf can reduce. */
+/* Range of omni_sincosf. */
 static const omni_real_t largest_bearing = 1e6f;
 
 typedef omni_real_t column_t[OMNI_MAX_WHEELS];
@@ -113,7 +113,7 @@ static omni_real_t minor_of_columns(const column_t q[OMNI_AXES], int i, int j, i
            q[2][i] * (q[0][j] * q[1][l] - q[0][l] * q[1][j]);
 }
 
-/* The direction across all columns: the cofactors of a fourth one. Q's columns are orthonormal, so its length is 1. */
+/* Null vector n: the cofactors of a fourth one. Q's columns are orthonormal, so its length is 1. */
 static void null_vector(omni_kinematics_t *k, const column_t q[OMNI_AXES]) {
     k->null[0] = minor_of_columns(q, 1, 2, 3);
     k->null[1] = -minor_of_columns(q, 0, 2, 3);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: MIT */
 /**
  * @file kinematics_inline.h
- * The functions of omni/kinematics.h that the tick uses, with their bodies: see math_inline.h. kinematics.c provides
- * the functions for everybody else. Not part of the API.
+ * Inline bodies of the functions of omni/kinematics.h that the tick uses: see math_inline.h. kinematics.c provides the
+ * external definitions. Not part of the API.
  */
 #ifndef OMNI_KINEMATICS_INLINE_H
 #define OMNI_KINEMATICS_INLINE_H
@@ -13,6 +13,11 @@
 #ifndef OMNI_KINEMATICS_INLINE
 #define OMNI_KINEMATICS_INLINE OMNI_INLINE
 #endif
+
+/** l of the first wheel [m]: converts a turn to the distance of a wheel. 0 for a configuration that failed. */
+static inline omni_real_t omni_lever_arm_m(const omni_kinematics_t *k) {
+    return k->b[0][2];
+}
 
 OMNI_KINEMATICS_INLINE void omni_kinematics_inverse(const omni_kinematics_t *k, const omni_twist_t *body,
                                                     const omni_real_t *slip_m_s, omni_real_t *wheel_rad_s) {
@@ -38,9 +43,11 @@ OMNI_KINEMATICS_INLINE void omni_kinematics_forward(const omni_kinematics_t *k, 
     *body = sum;
 }
 
-OMNI_KINEMATICS_INLINE void omni_kinematics_add_body(const omni_kinematics_t *k, const omni_body_load_t *load,
-                                                     const omni_twist_t *felt, omni_real_t *wheel_rad_s2) {
-    const omni_twist_t push = {load->mass_m2 * felt->vx, load->mass_m2 * felt->vy, load->inertia * felt->wz};
+OMNI_KINEMATICS_INLINE void omni_kinematics_add_body_inertia(const omni_kinematics_t *k, const omni_body_load_t *load,
+                                                             const omni_twist_t *acceleration,
+                                                             omni_real_t *wheel_rad_s2) {
+    const omni_twist_t push = {load->mass_m2 * acceleration->vx, load->mass_m2 * acceleration->vy,
+                               load->inertia * acceleration->wz};
     for (int i = 0; i < k->wheels; i++) {
         const omni_real_t force = k->b_pinv[0][i] * push.vx + k->b_pinv[1][i] * push.vy + k->b_pinv[2][i] * push.wz;
         wheel_rad_s2[i] += k->radius_m[i] * force;

@@ -5,7 +5,7 @@
 
 enum { KNOTS = OMNI_CURVE_POINTS + 3 };
 
-/* Share of tau_max over which the dead band is crossed. */
+/* Fraction of tau_max over which the deadband is crossed. */
 static const omni_real_t crossing = 0.01f;
 
 typedef struct knot_t {
@@ -13,11 +13,11 @@ typedef struct knot_t {
     omni_real_t duty;
 } knot_t;
 
-/* Origin, end of the dead band on the first straight, the points, full duty. */
+/* Origin, edge of the deadband, the points, full duty. */
 static void curve_knots(const omni_torque_curve_t *curve, knot_t knot[KNOTS]) {
     const omni_real_t spacing = 1.0f / (omni_real_t)(OMNI_CURVE_POINTS + 1);
     knot[0] = (knot_t){0.0f, 0.0f};
-    knot[1] = (knot_t){crossing, curve->dead_duty + (curve->duty[0] - curve->dead_duty) * crossing / spacing};
+    knot[1] = (knot_t){crossing, curve->deadband_duty + (curve->duty[0] - curve->deadband_duty) * crossing / spacing};
     for (int i = 0; i < OMNI_CURVE_POINTS; ++i) {
         knot[i + 2].share = spacing * (omni_real_t)(i + 1);
         knot[i + 2].duty = curve->duty[i];
@@ -26,7 +26,7 @@ static void curve_knots(const omni_torque_curve_t *curve, knot_t knot[KNOTS]) {
 }
 
 bool omni_torque_curve_is_valid(const omni_torque_curve_t *curve, int32_t *bad_point) {
-    omni_real_t before = curve->dead_duty;
+    omni_real_t before = curve->deadband_duty;
     for (int32_t i = 0; i <= OMNI_CURVE_POINTS; ++i) {
         const omni_real_t duty = i < OMNI_CURVE_POINTS ? curve->duty[i] : 1.0f;
         if (!(duty > before) || !(before >= 0.0f)) {

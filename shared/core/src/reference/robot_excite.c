@@ -15,11 +15,11 @@ bool omni_excitation_fits(uint8_t place, uint8_t kind) {
     }
 }
 
-static bool goes_on(omni_exciter_t *exciter, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                    const omni_target_t *target) {
+static bool excitation_may_continue(omni_excitation_state_t *exciter, const omni_robot_config_t *c,
+                                    const omni_inputs_t *inputs, const omni_target_t *target) {
     const uint32_t hold = (uint32_t)OMNI_EVENT_TRAJECTORY_STOP;
-    if (!exciter->begun) {
-        exciter->begun = true;
+    if (!exciter->started) {
+        exciter->started = true;
         exciter->kind = target->kind;
         exciter->controller = c->controller;
     }
@@ -27,7 +27,7 @@ static bool goes_on(omni_exciter_t *exciter, const omni_robot_config_t *c, const
            c->controller == exciter->controller && omni_excitation_fits(exciter->plan.place, target->kind);
 }
 
-static void move_reference(const omni_exciter_t *exciter, omni_target_t *target) {
+static void add_to_reference_pose(const omni_excitation_state_t *exciter, omni_target_t *target) {
     omni_pose_t *pose = &target->reference.pose;
     switch (exciter->plan.index) {
     case 0:
@@ -42,22 +42,22 @@ static void move_reference(const omni_exciter_t *exciter, omni_target_t *target)
     }
 }
 
-const omni_exciter_t *omni_robot_excite(omni_exciter_t *exciter, const omni_robot_config_t *config,
-                                        const omni_inputs_t *inputs, omni_target_t *target) {
-    if (!goes_on(exciter, config, inputs, target)) {
-        exciter->left = 0;
+const omni_excitation_state_t *omni_robot_excite(omni_excitation_state_t *exciter, const omni_robot_config_t *config,
+                                                 const omni_inputs_t *inputs, omni_target_t *target) {
+    if (!excitation_may_continue(exciter, config, inputs, target)) {
+        exciter->ticks_left = 0;
         return NULL;
     }
     omni_excitation_next(exciter);
     if (exciter->plan.place == OMNI_EXCITATION_POSE) {
-        move_reference(exciter, target);
+        add_to_reference_pose(exciter, target);
         return NULL;
     }
     return exciter;
 }
 
-void omni_robot_excite_wheels(const omni_exciter_t *exciter, uint8_t wheels, omni_real_t factor, omni_real_t limit,
-                              omni_real_t *values) {
+void omni_add_wheel_excitation(const omni_excitation_state_t *exciter, uint8_t wheels, omni_real_t factor,
+                               omni_real_t limit, omni_real_t *values) {
     for (uint8_t i = 0; i < wheels; ++i) {
         if (exciter->plan.index == i || exciter->plan.index == OMNI_MAX_WHEELS) {
             values[i] = omni_clampf(values[i] + exciter->value * factor, -limit, limit);

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: MIT */
 #include "../control/controllers.h"
-#include "../math/math_inline.h"
+#include "../model/kinematics_inline.h"
 #include "omni/saturation.h"
 
-/* How fast a governed reference closes in on its target, 1/s. */
-static const omni_real_t GOVERNOR_RATE = 3.0f;
+/* Rate at which the reference approaches a pose setpoint, 1/s. */
+static const omni_real_t POSE_APPROACH_RATE = 3.0f;
 
-/* Scale a body twist so that it stays within the speed limits and `share` of the wheel speed limit, direction kept. The
- * target tells. */
+/* Limit a body twist to the speed limits and to `share` of the wheel speed limit by one factor. Reported in `target`.
+ */
 static omni_twist_t limit_twist(const omni_robot_config_t *c, omni_twist_t body, omni_real_t share,
                                 omni_target_t *target) {
     const omni_real_t speed = omni_sqrtf(body.vx * body.vx + body.vy * body.vy);
@@ -38,20 +38,23 @@ static omni_twist_t approach_twist(omni_twist_t from, omni_twist_t to, omni_real
     return from;
 }
 
-/* Ramp towards the demand. @return the acceleration that takes. */
-static omni_twist_t ramp_velocity(omni_guide_t *guide, const omni_robot_config_t *c, omni_twist_t demand) {
+/* Ramp `reference_rate` towards the demand within LIM_A. @return the acceleration. */
+static omni_twist_t ramp_velocity(omni_reference_generator_t *generator, const omni_robot_config_t *c,
+                                  omni_twist_t demand) {
     const omni_real_t step = c->limits.acceleration_m_s2 * c->step_s;
     /* The rim accelerates like the centre: wz' = a / l. */
-    const omni_real_t turn_step = step / (c->kinematics.b[0][2] > 0.0f ? c->kinematics.b[0][2] : 1.0f);
-    const omni_twist_t before = guide->ramped;
-    guide->ramped = approach_twist(before, demand, step, turn_step);
+    const omni_real_t lever_arm_m = omni_lever_arm_m(&c->kinematics);
+    const omni_real_t turn_step = step / (lever_arm_m > 0.0f ? lever_arm_m : 1.0f);
+    const omni_twist_t before = generator->reference_rate;
+    generator->reference_rate = approach_twist(before, demand, step, turn_step);
     const omni_real_t rate = 1.0f / c->step_s;
-    return (omni_twist_t){(guide->ramped.vx - before.vx) * rate, (guide->ramped.vy - before.vy) * rate,
-                          (guide->ramped.wz - before.wz) * rate};
+    return (omni_twist_t){(generator->reference_rate.vx - before.vx) * rate,
+                          (generator->reference_rate.vy - before.vy) * rate,
+                          (generator->reference_rate.wz - before.wz) * rate};
 }
 
-/* A reference that stands at a pose. */
-static void stand_at(omni_target_t *target, const omni_pose_t *pose) {
+/* Reference at rest at a pose. */
+static void set_standing_reference(omni_target_t *target, const omni_pose_t *pose) {
     const omni_twist_t rest = {0.0f, 0.0f, 0.0f};
     target->reference.pose = *pose;
     target->reference.rate = rest;
@@ -60,66 +63,68 @@ static void stand_at(omni_target_t *target, const omni_pose_t *pose) {
     target->reference.phase = OMNI_PHASE_NONE;
 }
 
-/* A pose set-point may be anywhere: the reference drives there itself, within the limits, and follows the set-point's
- * rate. */
-static void govern_pose(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                        omni_target_t *target) {
+/* Reference that approaches a pose setpoint within the limits and follows its rate. */
+static void approach_pose_setpoint(omni_reference_generator_t *generator, const omni_robot_config_t *c,
+                                   const omni_inputs_t *inputs, omni_target_t *target) {
     const omni_setpoint_t *setpoint = &inputs->setpoint;
-    omni_pose_t *pose = &guide->governed;
+    omni_pose_t *pose = &generator->reference_pose;
     const omni_real_t age = omni_robot_age_s(inputs->time_us, setpoint->time_us);
     const omni_real_t dx = setpoint->pose.x + setpoint->twist.vx * age - pose->x;
     const omni_real_t dy = setpoint->pose.y + setpoint->twist.vy * age - pose->y;
     const omni_real_t dtheta = omni_wrap_pi(setpoint->pose.theta + setpoint->twist.wz * age - pose->theta);
-    const omni_twist_t wanted = {setpoint->twist.vx + GOVERNOR_RATE * dx, setpoint->twist.vy + GOVERNOR_RATE * dy,
-                                 setpoint->twist.wz + GOVERNOR_RATE * dtheta};
+    const omni_twist_t wanted = {setpoint->twist.vx + POSE_APPROACH_RATE * dx,
+                                 setpoint->twist.vy + POSE_APPROACH_RATE * dy,
+                                 setpoint->twist.wz + POSE_APPROACH_RATE * dtheta};
     const omni_rotation_t heading = omni_rotation(pose->theta);
     const omni_twist_t body = omni_rotate_to_body(&wanted, &heading);
-    const omni_twist_t limited = limit_twist(c, body, c->limits.reference_share, target);
+    const omni_twist_t limited = limit_twist(c, body, c->limits.wheel_speed_fraction, target);
     omni_reference_t *reference = &target->reference;
-    reference->acceleration = ramp_velocity(guide, c, omni_rotate_to_world(&limited, &heading));
-    pose->x += guide->ramped.vx * c->step_s;
-    pose->y += guide->ramped.vy * c->step_s;
-    pose->theta += guide->ramped.wz * c->step_s;
+    reference->acceleration = ramp_velocity(generator, c, omni_rotate_to_world(&limited, &heading));
+    pose->x += generator->reference_rate.vx * c->step_s;
+    pose->y += generator->reference_rate.vy * c->step_s;
+    pose->theta += generator->reference_rate.wz * c->step_s;
     reference->pose = *pose;
-    reference->rate = guide->ramped;
+    reference->rate = generator->reference_rate;
     reference->path_time_s = 0.0f;
     reference->phase = OMNI_PHASE_NONE;
     target->position_loop = true;
 }
 
-static void hold_pose(omni_guide_t *guide, omni_target_t *target) {
-    guide->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
-    stand_at(target, &guide->governed);
+static void hold_pose(omni_reference_generator_t *generator, omni_target_t *target) {
+    generator->reference_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    set_standing_reference(target, &generator->reference_pose);
     target->position_loop = true;
 }
 
-/* A velocity demand has no pose reference: what is held afterwards is wherever the robot is. */
-static void follow_velocity(omni_guide_t *guide, const omni_robot_config_t *c, const omni_twist_t *twist,
-                            const omni_estimate_t *estimate, omni_target_t *target) {
+/* A velocity setpoint has no pose reference: the pose to hold afterwards is the estimate. */
+static void follow_velocity(omni_reference_generator_t *generator, const omni_robot_config_t *c,
+                            const omni_twist_t *twist, const omni_estimate_t *estimate, omni_target_t *target) {
     const bool world = target->kind == OMNI_SETPOINT_VELOCITY_WORLD;
     const omni_twist_t body = world ? omni_rotate_to_body(twist, &estimate->heading) : *twist;
-    const omni_twist_t body_acceleration = ramp_velocity(guide, c, limit_twist(c, body, 1.0f, target));
-    target->body_rate = guide->ramped;
-    guide->governed = estimate->pose;
+    const omni_twist_t body_acceleration = ramp_velocity(generator, c, limit_twist(c, body, 1.0f, target));
+    target->body_rate = generator->reference_rate;
+    generator->reference_pose = estimate->pose;
     target->reference.pose = estimate->pose;
     target->reference.path_time_s = 0.0f;
     target->reference.phase = OMNI_PHASE_NONE;
-    target->reference.rate = omni_rotate_to_world(&guide->ramped, &estimate->heading);
+    target->reference.rate = omni_rotate_to_world(&generator->reference_rate, &estimate->heading);
     target->reference.acceleration = omni_rotate_to_world(&body_acceleration, &estimate->heading);
 }
 
 /* A velocity of zero that has grown old, and the ramp has reached it. The pose where the robot came to rest is held. */
-static bool has_come_to_rest(const omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs) {
-    const omni_twist_t *ramped = &guide->ramped;
+static bool has_come_to_rest(const omni_reference_generator_t *generator, const omni_robot_config_t *c,
+                             const omni_inputs_t *inputs) {
+    const omni_twist_t *rate = &generator->reference_rate;
     return omni_robot_age_s(inputs->time_us, inputs->setpoint.time_us) > c->limits.command_timeout_s &&
-           omni_absf(ramped->vx) + omni_absf(ramped->vy) + omni_absf(ramped->wz) <= 0.0f;
+           omni_absf(rate->vx) + omni_absf(rate->vy) + omni_absf(rate->wz) <= 0.0f;
 }
 
-static void follow_trajectory(omni_guide_t *guide, const omni_inputs_t *inputs, omni_target_t *target) {
+static void follow_trajectory(omni_reference_generator_t *generator, const omni_inputs_t *inputs,
+                              omni_target_t *target) {
     omni_reference_t *reference = &target->reference;
-    omni_trajectory_evaluate(guide->trajectory, inputs->time_us - guide->trajectory_start_us, reference);
-    guide->governed = reference->pose;
-    guide->ramped = reference->rate;
+    omni_trajectory_evaluate(generator->trajectory, inputs->time_us - generator->trajectory_start_us, reference);
+    generator->reference_pose = reference->pose;
+    generator->reference_rate = reference->rate;
     target->position_loop = true;
 }
 
@@ -131,91 +136,96 @@ static bool has_rate(uint8_t kind) {
     return kind == OMNI_SETPOINT_POSE || kind == OMNI_SETPOINT_TRAJECTORY;
 }
 
-/* Another kind of set-point takes over from the speed that the last one had asked for; after open-loop duties from the
- * measured one. */
-static void continue_from(omni_guide_t *guide, const omni_estimate_t *estimate, uint8_t kind) {
+/* On a change of the setpoint's kind: continue from the rate of the last reference, converted to the new frame; after
+ * open-loop duties from the estimated rate. */
+static void convert_rate_on_takeover(omni_reference_generator_t *generator, const omni_estimate_t *estimate,
+                                     uint8_t kind) {
     const omni_real_t theta = estimate->pose.theta;
     const bool body = is_velocity(kind);
-    if (guide->last_kind == OMNI_SETPOINT_DUTY) {
-        guide->ramped = body ? omni_twist_to_body(&estimate->rate, theta) : estimate->rate;
-    } else if (is_velocity(guide->last_kind) && !body) {
-        guide->ramped = omni_twist_to_world(&guide->ramped, theta);
-    } else if (has_rate(guide->last_kind) && body) {
-        guide->ramped = omni_twist_to_body(&guide->ramped, theta);
+    if (generator->last_kind == OMNI_SETPOINT_DUTY) {
+        generator->reference_rate = body ? omni_twist_to_body(&estimate->rate, theta) : estimate->rate;
+    } else if (is_velocity(generator->last_kind) && !body) {
+        generator->reference_rate = omni_twist_to_world(&generator->reference_rate, theta);
+    } else if (has_rate(generator->last_kind) && body) {
+        generator->reference_rate = omni_twist_to_body(&generator->reference_rate, theta);
     }
 }
 
-/* The robot stays where it is; what is held afterwards, too. */
-static void stay_where_it_is(omni_guide_t *guide, const omni_estimate_t *estimate, omni_target_t *target) {
-    guide->governed = estimate->pose;
-    stand_at(target, &estimate->pose);
+/* Reference at rest at the estimate; also the pose to hold afterwards. */
+static void set_reference_to_estimate(omni_reference_generator_t *generator, const omni_estimate_t *estimate,
+                                      omni_target_t *target) {
+    generator->reference_pose = estimate->pose;
+    set_standing_reference(target, &estimate->pose);
 }
 
-void omni_robot_guide_events(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate) {
+void omni_robot_reference_events(omni_reference_generator_t *generator, const omni_inputs_t *inputs,
+                                 const omni_estimate_t *estimate) {
     if ((inputs->events & OMNI_EVENT_TRAJECTORY_START) != 0 && inputs->trajectory != NULL) {
-        guide->trajectory = inputs->trajectory;
-        guide->trajectory_start_us = inputs->time_us;
+        generator->trajectory = inputs->trajectory;
+        generator->trajectory_start_us = inputs->time_us;
     }
     if ((inputs->events & OMNI_EVENT_TRAJECTORY_STOP) != 0) {
-        guide->trajectory = NULL;
-        guide->governed = estimate->pose;
+        generator->trajectory = NULL;
+        generator->reference_pose = estimate->pose;
     }
 }
 
-void omni_robot_guide_arm(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate) {
-    guide->governed = estimate->pose;
-    guide->ramped = (omni_twist_t){0.0f, 0.0f, 0.0f};
-    guide->trajectory_start_us = inputs->time_us;
+void omni_robot_reference_arm(omni_reference_generator_t *generator, const omni_inputs_t *inputs,
+                              const omni_estimate_t *estimate) {
+    generator->reference_pose = estimate->pose;
+    generator->reference_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
+    generator->trajectory_start_us = inputs->time_us;
 }
 
-static void follow_setpoint(omni_guide_t *guide, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                            const omni_estimate_t *estimate, omni_target_t *target) {
+static void follow_setpoint(omni_reference_generator_t *generator, const omni_robot_config_t *c,
+                            const omni_inputs_t *inputs, const omni_estimate_t *estimate, omni_target_t *target) {
     switch (target->kind) {
     case OMNI_SETPOINT_POSE:
-        govern_pose(guide, c, inputs, target);
+        approach_pose_setpoint(generator, c, inputs, target);
         break;
     case OMNI_SETPOINT_VELOCITY_BODY:
     case OMNI_SETPOINT_VELOCITY_WORLD:
-        if (has_come_to_rest(guide, c, inputs)) {
+        if (has_come_to_rest(generator, c, inputs)) {
             target->kind = OMNI_SETPOINT_NONE;
-            hold_pose(guide, target);
+            hold_pose(generator, target);
         } else {
-            follow_velocity(guide, c, &inputs->setpoint.twist, estimate, target);
+            follow_velocity(generator, c, &inputs->setpoint.twist, estimate, target);
         }
         break;
     case OMNI_SETPOINT_TRAJECTORY:
-        follow_trajectory(guide, inputs, target);
+        follow_trajectory(generator, inputs, target);
         break;
     case OMNI_SETPOINT_DUTY:
-        stay_where_it_is(guide, estimate, target);
+        set_reference_to_estimate(generator, estimate, target);
         break;
     default:
-        hold_pose(guide, target);
+        hold_pose(generator, target);
         break;
     }
 }
 
-void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config, const omni_inputs_t *inputs,
-                          const omni_estimate_t *estimate, uint8_t kind, omni_target_t *target) {
+void omni_robot_reference(omni_reference_generator_t *generator, const omni_robot_config_t *config,
+                          const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t kind,
+                          omni_target_t *target) {
     target->body_rate = (omni_twist_t){0.0f, 0.0f, 0.0f};
     target->velocity_scale = 1.0f;
     target->velocity_limits = 0u;
     target->position_loop = false;
     target->kind = kind;
-    if (!target->armed || (kind == OMNI_SETPOINT_TRAJECTORY && guide->trajectory == NULL)) {
+    if (!target->armed || (kind == OMNI_SETPOINT_TRAJECTORY && generator->trajectory == NULL)) {
         target->kind = OMNI_SETPOINT_NONE; /* not armed; no trajectory was started, or this tick's events stopped it */
     }
     if (!target->armed) {
-        stay_where_it_is(guide, estimate, target);
+        set_reference_to_estimate(generator, estimate, target);
     } else {
-        if (target->kind != guide->last_kind) {
-            continue_from(guide, estimate, target->kind);
+        if (target->kind != generator->last_kind) {
+            convert_rate_on_takeover(generator, estimate, target->kind);
         }
-        follow_setpoint(guide, config, inputs, estimate, target);
+        follow_setpoint(generator, config, inputs, estimate, target);
         if (omni_controllers[config->controller]->demand == OMNI_DEMAND_NONE) {
             target->position_loop = false;
             target->body_rate = omni_twist_to_body(&target->reference.rate, target->reference.pose.theta);
         }
     }
-    guide->last_kind = target->kind;
+    generator->last_kind = target->kind;
 }

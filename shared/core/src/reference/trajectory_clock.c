@@ -10,7 +10,7 @@ static const uint64_t one = (uint64_t)1 << RATE_BITS;
 omni_ns_t omni_nanoseconds(omni_real_t seconds) {
     const omni_uint_t whole = (omni_uint_t)seconds;
     const omni_real_t rest =
-        omni_clampf(seconds - (omni_real_t)whole, 0.0f, 1.0f); /* is there anyway; now a proof sees it */
+        omni_clampf(seconds - (omni_real_t)whole, 0.0f, 1.0f); /* no effect; states the range for the proof */
     return (omni_ns_t)whole * 1000000000u + (omni_ns_t)(rest * 1e9f);
 }
 

@@ -40,7 +40,7 @@ static omni_jet_t rising_ramp(omni_real_t full_per_s, omni_ns_t ns, omni_ns_t ra
 static laps_t laps_at(omni_real_t count, omni_ns_t ns, omni_ns_t segment_ns) {
     laps_t laps = {0, {{0.0f}}};
     if (segment_ns < 2u) {
-        return laps; /* so small a share of a lap that there is no time to drive it, and a lap's time may not fit */
+        return laps; /* less than a nanosecond, and the time of a lap may overflow */
     }
     const omni_real_t period_ns = (omni_real_t)segment_ns / count;
     const omni_ns_t quarter_ns = (omni_ns_t)(0.25f * period_ns) + 1;
@@ -93,7 +93,7 @@ static void path_jets_identify(const omni_trajectory_t *plan, omni_ns_t path_ns,
     const omni_ns_t segment = ns / segment_ns;
     const bool back = segment % 2 == 1;
     const omni_ns_t since_ns = ns - segment * segment_ns;
-    /* Back is the way there, seen backwards. */
+    /* The clockwise segment is the counter-clockwise one reversed in time. */
     laps_t laps = laps_at(laps_each_way(plan), back ? segment_ns - since_ns : since_ns, segment_ns);
     if (back) {
         laps.rest.d[1] = -laps.rest.d[1];

@@ -24,7 +24,7 @@ omni_ns_t omni_path_lap_ns(const omni_trajectory_t *plan) {
     if (row->round_ns != NULL) {
         return row->round_ns(plan);
     }
-    return omni_path_period_ns(plan) * (omni_path_stops_at_points(row) ? plan->waypoints.count : 1u);
+    return omni_path_period_ns(plan) * (omni_path_has_legs(row) ? plan->waypoints.count : 1u);
 }
 
 omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
@@ -39,7 +39,7 @@ omni_ns_t omni_path_duration_ns(const omni_trajectory_t *plan) {
     const omni_real_t rest = omni_clampf(plan->config.laps - (omni_real_t)whole, 0.0f, 1.0f);
     const omni_ns_t laps_ns = (omni_ns_t)whole * lap_ns + (omni_ns_t)(rest * (omni_real_t)lap_ns);
     /* A tour of n points has n - 1 legs if it does not come back to the first. */
-    const omni_ns_t back_ns = omni_path_stops_at_points(omni_path_row(plan)) ? omni_path_period_ns(plan) : (omni_ns_t)0;
+    const omni_ns_t back_ns = omni_path_has_legs(omni_path_row(plan)) ? omni_path_period_ns(plan) : (omni_ns_t)0;
     return omni_select(laps_ns > back_ns, laps_ns - back_ns, 0u);
 }
 

@@ -16,13 +16,13 @@ enum {
 static const omni_real_t near_m = 1e-3f;
 static const omni_real_t near_rad = 1e-3f;
 static const omni_real_t shortest_lead_in_s = 0.2f;
-/* Seconds, or times slower than planned: what is beyond is refused. */
+/* Largest time [s] and largest time scale that are accepted. */
 static const omni_real_t largest = 1e6f;
 
 /* Whole turns of a heading beyond this could not be counted. */
 static const omni_real_t largest_heading_rad = 1e6f;
 
-/* What a motion asks of the wheels, at its own speed. */
+/* Peak demand of a motion on the wheels at scale 1. */
 typedef struct demand_t {
     omni_real_t wheel_rad_s;
     omni_real_t voltage_V;
@@ -54,7 +54,7 @@ static void to_wheels(const omni_kinematics_t *k, const omni_body_load_t *load, 
     omni_kinematics_inverse(k, &body, NULL, wheel);
     omni_kinematics_inverse(k, &change, NULL, wheel_change);
     if (load->used) {
-        omni_kinematics_add_body(k, load, &felt, wheel_change);
+        omni_kinematics_add_body_inertia(k, load, &felt, wheel_change);
     }
 }
 
@@ -78,7 +78,7 @@ static void add_demand(demand_t *demand, const omni_trajectory_config_t *c, cons
     }
 }
 
-/* Does every lap ask the same of the wheels? */
+/* Is the wheel demand the same in each lap? */
 static bool laps_repeat(const omni_trajectory_config_t *c) {
     if (omni_path_rows[c->type]->round_ns != NULL) {
         return true;
@@ -118,7 +118,7 @@ static demand_t scan_demand(const omni_trajectory_t *plan, const omni_kinematics
     return demand;
 }
 
-/* Voltage asked for while the clock ramps up or down at the plan's scale. */
+/* Peak voltage while the clock ramps up or down at the plan's scale. */
 static omni_real_t ramp_voltage(const omni_trajectory_t *plan, const omni_kinematics_t *k) {
     demand_t demand = {0.0f, 0.0f, 0.0f};
     const uint64_t total_ns = omni_path_real_ns(plan);
@@ -165,7 +165,7 @@ static void set_scale(omni_trajectory_t *plan, const omni_kinematics_t *k) {
     }
 }
 
-/* How many times an acceleration is beyond what a lead-in may have. */
+/* Acceleration as a multiple of the lead-in's limit. */
 static omni_real_t over_limit(const omni_trajectory_config_t *c, const omni_twist_t *acceleration) {
     const omni_real_t x = acceleration->vx;
     const omni_real_t y = acceleration->vy;
@@ -193,12 +193,12 @@ static void set_lead_in(omni_trajectory_t *plan, const omni_kinematics_t *k) {
         steepest = larger_of(steepest, over_limit(&plan->config, &acceleration));
     }
     plan->lead_in_s = larger_of(larger_of(demand.scale, omni_sqrtf(steepest)), shortest_lead_in_s);
-    /* What is longer is refused; it must not be converted. */
+    /* Longer ones are refused, and must not be converted to an integer. */
     plan->timing.lead_in_us =
         omni_nanoseconds(omni_select(plan->lead_in_s <= largest, plan->lead_in_s, largest)) / 1000u;
 }
 
-/* Hold `at` for ever; also what is left of a refused plan. */
+/* Plan that holds `at`; also the result of a refused plan. */
 static void plan_to_hold(omni_trajectory_t *plan, const omni_pose_t *at) {
     memset(plan, 0, sizeof *plan);
     if (omni_pose_is_finite(at)) {
@@ -220,7 +220,7 @@ static void set_start(omni_trajectory_t *plan) {
     omni_twist_t second;
     plan->heading_offset_rad = plan->config.type == OMNI_TRJ_TYPE_HOLD ? plan->origin.theta : 0.0f;
     omni_path_at(plan, 0, &plan->start, &first, &second);
-    /* Turns beyond what a float can tell apart make no difference, and must not be converted. */
+    /* Turns beyond the resolution of a float have no effect, and must not be converted to an integer. */
     const omni_real_t turns = omni_clampf((plan->origin.theta - plan->start.theta) / omni_two_pi, -largest, largest);
     plan->heading_offset_rad += omni_two_pi * (omni_real_t)(int32_t)(turns + (turns < 0.0f ? -0.5f : 0.5f));
     omni_path_at(plan, 0, &plan->start, &first, &second);
@@ -308,7 +308,7 @@ omni_result_t omni_trajectory_plan(omni_trajectory_t *plan, const omni_trajector
         return result;
     }
     plan->config = *config;
-    plan->origin = *at; /* as `plan_to_hold` has set it; said again because a proof follows what was checked */
+    plan->origin = *at; /* as set by plan_to_hold; repeated for the proof of its range */
     plan->scale = 1.0f;
     omni_path_points(plan, waypoints);
     omni_path_set_lengths(plan);

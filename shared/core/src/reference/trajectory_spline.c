@@ -12,7 +12,7 @@
 #include "../math/math_inline.h"
 #include "trajectory_internal.h"
 
-/* Each sweep leaves at most half of the error: 2^-26 is below what a float can tell apart. */
+/* Each sweep leaves at most half of the error: 2^-26 is below the resolution of a float. */
 enum { SWEEPS = 26 };
 
 static bool is_closed(const omni_trajectory_t *plan) {
@@ -61,7 +61,8 @@ void omni_path_spline(omni_trajectory_t *plan) {
     }
 }
 
-/* By the four control points around a leg, at share s of it. @param legs_per_s derivatives are by path time. */
+/* Spline from the four control points around a leg, at the fraction s of it. @param legs_per_s converts derivatives to
+ * path time. */
 static omni_jet_t spline_jet(const omni_real_t *c, omni_real_t s, omni_real_t legs_per_s) {
     const omni_real_t first = c[1] - c[0];
     const omni_real_t second = c[0] - 2.0f * c[1] + c[2];

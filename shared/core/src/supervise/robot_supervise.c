@@ -6,51 +6,51 @@
 #include "../math/invariant.h"
 #include "../math/math_inline.h"
 
-static const omni_real_t BRAKING = 5.0f;  /* longest time that a wheel needs to stop, in units of stall_s */
-static const omni_real_t ROUNDING = 0.5f; /* of an encoder, counts: a wheel may have turned by so much more */
+static const omni_real_t BRAKING = 5.0f;  /* longest braking time in units of stall_s */
+static const omni_real_t ROUNDING = 0.5f; /* encoder quantisation, counts */
 
-/* A wheel that turns against its voltage may be one that is being braked. Then its voltage has just changed its sign,
- * or has just become large. And it slows down: evenly, to rest within BRAKING times stall_s, or faster. A heavy robot
- * with weak motors takes about a second. A wheel whose encoder is reversed does not slow down. */
-static omni_flag_t is_braked(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
+/* Is a wheel that turns against its voltage being braked? Then the voltage has just changed its sign or become large,
+ * and the wheel slows down at least linearly to rest within BRAKING times stall_s (a heavy robot with weak motors needs
+ * about a second). A wheel with a reversed encoder does not slow down. */
+static omni_flag_t update_braking(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     const omni_flag_t back = judged & (watch->counts < 0.0f);
     const omni_real_t time_s = c->step_s * watch->ticks;
-    const omni_flag_t begins = back & (watch->back_s < 0.0f) & (time_s <= c->limits.stall_s);
-    const omni_flag_t goes_on = back & (watch->back_s > 0.0f);
+    const omni_flag_t begins = back & (watch->braked_s < 0.0f) & (time_s <= c->limits.stall_s);
+    const omni_flag_t goes_on = back & (watch->braked_s > 0.0f);
     const omni_real_t rate = (ROUNDING - watch->counts) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
     watch->rate = omni_select(begins & (rate > watch->rate), rate, watch->rate);
-    const omni_real_t left = 1.0f - watch->back_s / (BRAKING * c->limits.stall_s);
+    const omni_real_t left = 1.0f - watch->braked_s / (BRAKING * c->limits.stall_s);
     const omni_flag_t slows = goes_on & (-watch->counts <= watch->rate * left * watch->ticks);
-    watch->back_s = omni_select(begins, time_s, omni_select(goes_on, watch->back_s + time_s, watch->back_s));
+    watch->braked_s = omni_select(begins, time_s, omni_select(goes_on, watch->braked_s + time_s, watch->braked_s));
     return begins | slows;
 }
 
-/* After a wheel has stood or turned as it is driven, nothing is being braked until its voltage changes sign again. */
+/* A wheel that has stopped or turns with its voltage is not braked until the voltage changes its sign again. */
 static void end_braking(omni_stall_watch_t *watch, omni_flag_t judged) {
     const omni_real_t rate = (watch->counts + ROUNDING) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
     watch->rate = omni_select(judged & (watch->counts > 0.0f), rate, watch->rate);
-    watch->back_s = omni_select(judged & (watch->counts >= 0.0f), 0.0f, watch->back_s);
+    watch->braked_s = omni_select(judged & (watch->counts >= 0.0f), 0.0f, watch->braked_s);
 }
 
-/* The voltage has become large, or has changed its sign: what the wheel did before says nothing of what it does now. */
-static void begin_push(omni_stall_watch_t *watch, omni_flag_t begins) {
+/* Restart the measurement: the voltage has become large or changed its sign, so earlier counts are not comparable. */
+static void restart_stall_measurement(omni_stall_watch_t *watch, omni_flag_t begins) {
     const omni_flag_t anew = begins & (watch->counts > 0.0f);
-    watch->back_s = omni_select(begins, -1.0f, watch->back_s);
+    watch->braked_s = omni_select(begins, -1.0f, watch->braked_s);
     watch->ticks = omni_select(anew, 0.0f, watch->ticks);
-    watch->due = omni_select(anew, 0.0f, watch->due);
+    watch->expected_volt_ticks = omni_select(anew, 0.0f, watch->expected_volt_ticks);
     watch->counts = omni_select(anew, 0.0f, watch->counts);
 }
 
-/* A wheel under voltage must turn, and the way it is driven. What counts is the encoder itself, not the filter, which
- * believes its motor model too. A wheel is judged when one at a tenth of the voltage's speed would have given a count.
- * Judged any sooner, a slow wheel between two counts looks like one that stands. One at that tenth is let through. One
- * that stands still uses up stall_s as time goes by. One that turns the other way does so at most twice as fast, unless
- * it is being braked. */
-static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
+/* Stall check: a wheel under voltage must turn in its direction, by the encoder (the filter's speed depends on the
+ * motor model). It is checked when a wheel at a tenth of the voltage's no-load speed would have given a count; earlier,
+ * a slow wheel between two counts would look stalled. stalled_s grows with real time for a blocked wheel, twice as fast
+ * for a reversed one unless it is braked, and falls for one that is faster than that tenth. */
+static omni_uint_t check_stall(omni_stall_watch_t *watch, const omni_robot_config_t *c, omni_flag_t judged) {
     omni_uint_t faults = 0;
-    const omni_real_t behind = watch->due - watch->counts * c->limits.count_due;
+    const omni_real_t behind = watch->expected_volt_ticks - watch->counts * c->limits.volt_ticks_per_count_V;
     if (omni_any(behind > 0.0f) || omni_any(watch->stalled_s > 0.0f)) {
-        const omni_real_t share = omni_select(is_braked(watch, c, judged), 0.0f, behind / watch->due);
+        const omni_real_t share =
+            omni_select(update_braking(watch, c, judged), 0.0f, behind / watch->expected_volt_ticks);
         const omni_real_t longer_s =
             watch->stalled_s + c->step_s * watch->ticks * omni_select(share < 2.0f, share, 2.0f);
         const omni_real_t stalled_s = omni_select(longer_s > 0.0f, longer_s, 0.0f);
@@ -61,43 +61,43 @@ static omni_uint_t judge_wheel(omni_stall_watch_t *watch, const omni_robot_confi
     }
     end_braking(watch, judged);
     watch->ticks = omni_select(judged, 0.0f, watch->ticks);
-    watch->due = omni_select(judged, 0.0f, watch->due);
+    watch->expected_volt_ticks = omni_select(judged, 0.0f, watch->expected_volt_ticks);
     watch->counts = omni_select(judged, 0.0f, watch->counts);
     return faults;
 }
 
-static omni_uint_t supervise_wheels(omni_stall_watch_t *watch, const omni_robot_config_t *c,
-                                    const omni_estimate_t *estimate, const omni_real_t *applied_V) {
+static omni_uint_t supervise_stall(omni_stall_watch_t *watch, const omni_robot_config_t *c,
+                                   const omni_estimate_t *estimate, const omni_real_t *applied_V) {
     const omni_real_t steps = (omni_real_t)estimate->steps;
     const omni_real_t stall_V = c->limits.stall_V;
-    const omni_real_t count_due = c->limits.count_due;
+    const omni_real_t volt_ticks_per_count_V = c->limits.volt_ticks_per_count_V;
     const uint8_t wheels = c->kinematics.wheels;
     omni_uint_t faults = 0;
     for (uint8_t i = 0; i < wheels; ++i, ++watch) {
         const omni_real_t volts = omni_absf(applied_V[i]);
         const omni_flag_t pushed = volts >= stall_V;
         if (!omni_any(pushed)) {
-            if (omni_any(watch->last_V != 0.0f)) { /* most wheels are not pushed, most of the time */
+            if (omni_any(watch->last_V != 0.0f)) { /* usually already cleared */
                 memset(watch, 0, sizeof *watch);
             }
             continue;
         }
         const omni_flag_t begins = pushed & (watch->last_V * applied_V[i] <= 0.0f);
         if (omni_any(begins)) {
-            begin_push(watch, begins);
+            restart_stall_measurement(watch, begins);
         }
         watch->last_V = omni_select(pushed, applied_V[i], 0.0f);
         const omni_real_t delta = (omni_real_t)estimate->delta_counts[i];
         const omni_real_t onward = omni_select(applied_V[i] < 0.0f, -delta, delta);
         watch->stalled_s = omni_select(pushed, watch->stalled_s, 0.0f);
         watch->ticks = omni_select(pushed, watch->ticks + steps, 0.0f);
-        watch->due = omni_select(pushed, watch->due + volts * steps, 0.0f);
+        watch->expected_volt_ticks = omni_select(pushed, watch->expected_volt_ticks + volts * steps, 0.0f);
         watch->counts = omni_select(pushed, watch->counts + onward, 0.0f);
-        watch->back_s = omni_select(pushed, watch->back_s, 0.0f);
+        watch->braked_s = omni_select(pushed, watch->braked_s, 0.0f);
         watch->rate = omni_select(pushed, watch->rate, 0.0f);
-        const omni_flag_t judged = watch->due >= count_due;
+        const omni_flag_t judged = watch->expected_volt_ticks >= volt_ticks_per_count_V;
         if (omni_any(judged)) {
-            faults |= judge_wheel(watch, c, judged);
+            faults |= check_stall(watch, c, judged);
         }
     }
     return faults;
@@ -154,8 +154,8 @@ static bool asks_for_rest(const omni_setpoint_t *setpoint) {
     }
 }
 
-/* The setpoint in force. A streamed one that has gone silent since arming is a fault unless it asks for rest; one from
- * before arming is ignored. */
+/* Select the setpoint. A streamed one that has timed out since arming is a fault unless it asks for rest; one from before
+ * arming is ignored. */
 static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const omni_limits_t *limits,
                                       const omni_inputs_t *inputs, uint8_t *kind) {
     const omni_setpoint_t *setpoint = &inputs->setpoint;
@@ -189,16 +189,16 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
     if (is_beyond(&config->limits, &estimate->pose)) {
         faults |= OMNI_FAULT_POSITION;
     }
-    faults |= supervise_wheels(supervisor->stall, config, estimate, last->voltage_V);
-    if (config->current.watched) {
+    faults |= supervise_stall(supervisor->stall, config, estimate, last->voltage_V);
+    if (config->current.enabled) {
         faults |= omni_robot_watch_currents(supervisor, config, estimate, last);
     }
     faults |= supervise_supply(&supervisor->battery_ticks, &config->limits, inputs, estimate->supply_V);
     faults |= supervise_link(&config->limits, inputs);
     faults |= supervise_setpoint(supervisor, &config->limits, inputs, kind);
     faults |= omni_select(last->saturated, (uint32_t)OMNI_WARN_SATURATED, 0u);
-    faults |= omni_select(supervisor->speeds.armed, supervisor->speeds.fault, 0u);
-    if (last->off_track) {
+    faults |= omni_select(supervisor->speeds.armed, supervisor->speeds.overspeed_fault, 0u);
+    if (last->tracking_error_exceeded) {
         faults |= OMNI_FAULT_TRACKING;
     }
     return faults;
@@ -209,7 +209,7 @@ static void apply_safety_event(omni_supervisor_t *supervisor, omni_safety_event_
     const bool armed = supervisor->state == OMNI_STATE_ARMED;
     supervisor->state = omni_safety_next(supervisor->state, event);
     if (armed != (supervisor->state == OMNI_STATE_ARMED)) {
-        supervisor->speeds.left = 0; /* the wheels are looked at in this tick */
+        supervisor->speeds.ticks_left = 0; /* check the speeds in this tick */
     }
 }
 
@@ -227,7 +227,7 @@ bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *i
     if ((events & OMNI_EVENT_ESTOP_CLEAR) != 0) {
         apply_safety_event(supervisor, OMNI_SAFETY_ESTOP_CLEAR);
     }
-    const omni_uint_t arming_faults = faults | supervisor->speeds.fault; /* a wheel may turn, but not while arming */
+    const omni_uint_t arming_faults = faults | supervisor->speeds.overspeed_fault; /* a turning wheel prevents arming */
     if ((events & OMNI_EVENT_ARM) != 0 && (arming_faults & (uint32_t)OMNI_FAULT_STOP_MASK) == 0) {
         apply_safety_event(supervisor, OMNI_SAFETY_ARM);
     }

@@ -1,28 +1,26 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file stages.h
- * The stages of omni_robot_tick, and what they hand on. A stage reads what it is given as const, writes its own result
- * and keeps its own state. Per wheel: as many entries count as there are wheels; the others are zero in what is
- * reported.
+ * @file stages.h Stages of omni_robot_tick and the data between them. A stage reads const inputs, writes its result and
+ * owns its state. Arrays per wheel: entries beyond the number of wheels are unused, and zero in the outputs.
  *
  *   stage        reads                                        writes
- *   estimate     inputs, what the last tick did               omni_estimate_t, faults
- *   supervise    inputs, estimate, what the last tick did     faults, the kind of set-point that may be followed
+ *   estimate     inputs, last actuation                       omni_estimate_t, faults
+ *   supervise    inputs, estimate, last actuation             faults, the kind of setpoint that may be followed
  *   transition   inputs, faults                               the safety state
  *   reference    inputs, estimate, safety state               omni_target_t
- *   excite       inputs, target                               the target's pose, what `control` adds (if anything)
+ *   excite       inputs, target                               the target's pose, the excitation of wheels
  *   control      inputs, estimate, target                     omni_actuation_t
- *   limit        the motors' speeds, omni_actuation_t         omni_actuation_t, if LIM_I is set
- *   gain margin  estimate, target                             margins that it keeps, a warning
- *   watch speeds counts, target, omni_actuation_t             a fault of the next tick
- *   report       all of these                                 omni_outputs_t
+ *   limit        motor speeds, omni_actuation_t               omni_actuation_t, if LIM_I is set
+ *   gain margin  estimate, target                             margins, a warning
+ *   overspeed    counts, target, omni_actuation_t             a fault of the next tick
+ *   report       all results                                  omni_outputs_t
  */
 #ifndef OMNI_STAGES_H
 #define OMNI_STAGES_H
 
 #include "omni/robot.h"
 
-/** What the robot knows of itself in this tick. */
+/** Estimated state of the robot in this tick. */
 typedef struct omni_estimate_t {
     omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];
     omni_real_t slip_m_s[OMNI_MAX_WHEELS];   /**< v_s */
@@ -39,37 +37,37 @@ typedef struct omni_estimate_t {
     bool fix_is_fresh;                        /**< a pose fix has been accepted within FIX_TIMEOUT */
 } omni_estimate_t;
 
-/** What is wanted of the robot in this tick. */
+/** Reference of this tick. */
 typedef struct omni_target_t {
     omni_reference_t reference;
-    omni_twist_t body_rate;        /**< velocity demand, body frame; used unless `position_loop` */
-    omni_real_t velocity_scale;    /**< factor that the limits left of the velocity asked for, 1: all of it */
-    omni_uint_t velocity_limits;   /**< omni_velocity_limit_t that cut it */
-    const omni_exciter_t *exciter; /**< what is added to wheels in this tick; NULL: nothing */
-    uint8_t kind;                  /**< omni_setpoint_kind_t in force */
-    bool armed;                    /**< false: nothing is wanted of the wheels */
-    bool position_loop;            /**< the reference's pose is to be tracked; false unless armed */
+    omni_twist_t body_rate;                    /**< velocity reference, body frame; used unless `position_loop` */
+    omni_real_t velocity_scale;                /**< limiting factor of the velocity, 1: none */
+    omni_uint_t velocity_limits;               /**< active omni_velocity_limit_t */
+    const omni_excitation_state_t *excitation; /**< excitation of wheels in this tick; NULL: none */
+    uint8_t kind;                              /**< omni_setpoint_kind_t in use */
+    bool armed;                                /**< false: the wheels are not driven */
+    bool position_loop;                        /**< the reference's pose is to be tracked; false unless armed */
 } omni_target_t;
 
-/** What the wheels are to be given. Everything is in the wheels' directions. */
+/** Actuation of the wheels, positive in the wheels' directions. */
 typedef struct omni_actuation_t {
-    omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 once it is sealed */
+    omni_real_t duty[OMNI_MAX_WHEELS];            /**< -1..1 after the gate at the end of the tick */
     omni_real_t wheel_reference[OMNI_MAX_WHEELS]; /**< rad/s */
-    omni_real_t wheel_scale;                      /**< factor the wheel speeds were cut by, 1: none */
-    omni_real_t duty_scale;                       /**< factor the voltages were cut by, 1: none */
-    bool drive;                                   /**< motors may be powered */
+    omni_real_t wheel_scale;                      /**< saturation factor of the wheel speeds, 1: none */
+    omni_real_t duty_scale;                       /**< saturation factor of the voltages, 1: none */
+    bool drive;                                   /**< motors may have power */
 } omni_actuation_t;
 
-/** Time, counts, filters, pose. @return faults found on the way. */
+/** Estimation stage: time, counts, wheel filters, pose filter. @return faults and warnings. */
 omni_uint_t omni_robot_estimate(omni_estimator_t *estimator, const omni_robot_config_t *config,
                                 const omni_inputs_t *inputs, const omni_applied_t *last, omni_estimate_t *estimate);
 
-/** Restart the pose estimate at inputs->pose, which must be finite. Slip and its speeds stay as they were estimated in
- * this tick. */
+/** Restart the pose estimate at inputs->pose, which must be finite. Slip and wheel speeds of this tick's estimate are
+ * kept. */
 void omni_robot_set_pose(omni_estimator_t *estimator, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                          omni_estimate_t *estimate);
 
-/** A filter that has met a number it cannot digest starts over instead of staying lost. */
+/** Restart a filter whose state has become not finite. */
 void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_config_t *config,
                                 const omni_estimate_t *estimate);
 
@@ -77,59 +75,61 @@ void omni_robot_restart_filters(omni_estimator_t *estimator, const omni_robot_co
 omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us);
 
 /**
- * Is anything wrong?
- * @param kind out: omni_setpoint_kind_t of the set-point if it may be followed, else OMNI_SETPOINT_NONE.
+ * Supervision stage: fault detection.
+ * @param kind out: omni_setpoint_kind_t of the setpoint if it may be followed, else OMNI_SETPOINT_NONE.
  * @return stop faults and warnings.
  */
 omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
                                  const omni_inputs_t *inputs, const omni_estimate_t *estimate,
                                  const omni_applied_t *last, uint8_t *kind);
 
-/** Events and faults through the safety table. @return true if the robot has just been armed, whatever came after that.
- */
+/** Apply events and faults to the safety state machine. @return true if the robot was armed in this tick, even if
+ * another event disarmed it again. */
 bool omni_robot_transition(omni_supervisor_t *supervisor, const omni_inputs_t *inputs, omni_uint_t faults);
 
-/** A stop fault of the tick's last stages: into the history and through the safety table. */
+/** Apply a stop fault of a late stage to the history and the safety state machine. */
 void omni_robot_stop(omni_supervisor_t *supervisor, uint32_t fault);
 
-/** Events that start or stop the trajectory. */
-void omni_robot_guide_events(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate);
+/** Apply the events that start and stop the trajectory. */
+void omni_robot_reference_events(omni_reference_generator_t *generator, const omni_inputs_t *inputs,
+                                 const omni_estimate_t *estimate);
 
-/** On arming: hold the pose, at rest; a trajectory starts now. */
-void omni_robot_guide_arm(omni_guide_t *guide, const omni_inputs_t *inputs, const omni_estimate_t *estimate);
+/** Reset the reference on arming: hold the estimated pose at rest; a trajectory starts now. */
+void omni_robot_reference_arm(omni_reference_generator_t *generator, const omni_inputs_t *inputs,
+                              const omni_estimate_t *estimate);
 
-/** The set-point in force and its reference. @param kind as omni_robot_supervise gave it. @param target in: `armed`;
+/** Reference stage. @param kind from omni_robot_supervise. @param target in: `armed`;
  * out: all else. */
-void omni_robot_reference(omni_guide_t *guide, const omni_robot_config_t *config, const omni_inputs_t *inputs,
-                          const omni_estimate_t *estimate, uint8_t kind, omni_target_t *target);
+void omni_robot_reference(omni_reference_generator_t *generator, const omni_robot_config_t *config,
+                          const omni_inputs_t *inputs, const omni_estimate_t *estimate, uint8_t kind,
+                          omni_target_t *target);
 
 /**
- * One tick of an excitation that goes on, or its end. A pose is added to the target's reference.
- * @return the exciter if wheels get something in this tick, else NULL.
+ * Advance or end a running excitation. One of the pose is added to the target's reference here.
+ * @return the excitation if it is to be added to wheels in this tick, else NULL.
  */
-const omni_exciter_t *omni_robot_excite(omni_exciter_t *exciter, const omni_robot_config_t *config,
-                                        const omni_inputs_t *inputs, omni_target_t *target);
+const omni_excitation_state_t *omni_robot_excite(omni_excitation_state_t *exciter, const omni_robot_config_t *config,
+                                                 const omni_inputs_t *inputs, omni_target_t *target);
 
-/** Add this tick's value times `factor` to the wheels it is for, within +-limit. */
-void omni_robot_excite_wheels(const omni_exciter_t *exciter, uint8_t wheels, omni_real_t factor, omni_real_t limit,
-                              omni_real_t *values);
+/** Add this tick's excitation times `factor` to its wheels' values, clamped to +-limit. */
+void omni_add_wheel_excitation(const omni_excitation_state_t *exciter, uint8_t wheels, omni_real_t factor,
+                               omni_real_t limit, omni_real_t *values);
 
-/** All controllers as after switching on. */
+/** Reset all controllers and wheel loops to their initial state. */
 void omni_robot_control_reset(omni_control_state_t *control);
 
 /**
- * Reference to duties.
- * @param applied in: was the last tick saturated? out: is this one, and is the robot off its track?
+ * Control stage: reference to duties.
+ * @param applied in: saturation in the last tick; out: saturation and tracking error in this one.
  */
 void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t *config, const omni_inputs_t *inputs,
                         const omni_estimate_t *estimate, const omni_target_t *target, omni_applied_t *applied,
                         omni_actuation_t *actuation);
 
 /**
- * Do the controller's gains cover the slip error that may be there? The integral sliding mode has such a condition
- * (44).
- * It is looked at in every eighth tick; the last answer stands in between.
- * @param state out: its `margin`, per axis; 0 unless a controller that has one is tracking.
+ * Check whether the controller's gains exceed the bound of the slip error (condition 44 of the integral sliding mode).
+ * Evaluated in every eighth tick; the result is held in between.
+ * @param state out: `margin` per axis; 0 unless a controller with such a condition is tracking.
  * @return OMNI_WARN_ISMC_GAIN, or 0.
  */
 omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_config_t *config,
@@ -137,9 +137,10 @@ omni_uint_t omni_robot_gain_margin(omni_gain_margin_t *state, const omni_robot_c
                                    const omni_target_t *target);
 
 /**
- * Does a wheel turn faster than its reference for long, or at all (a tenth of LIM_WHEEL) while the robot is not armed?
- * Called in every OMNI_SPEED_TICKS-th tick, and when it is armed or disarmed. Not judged while duties are set.
- * omni_robot_supervise reports it in the next tick; of a robot that is not armed, omni_robot_arming_faults alone does.
+ * Overspeed detection: a wheel faster than its reference for OMNI_OVERSPEED_CHECKS checks, or faster than a tenth of
+ * LIM_WHEEL while the robot is not armed. Called every OMNI_OVERSPEED_CHECK_TICKS ticks, and on arming and disarming.
+ * Not active with duty setpoints. omni_robot_supervise reports the fault in the next tick; for a robot that is not
+ * armed only omni_robot_arming_faults does.
  */
 void omni_robot_watch_speeds(omni_speed_watch_t *watch, const omni_robot_config_t *config,
                              const omni_estimator_t *estimator, const omni_estimate_t *estimate,
@@ -147,18 +148,18 @@ void omni_robot_watch_speeds(omni_speed_watch_t *watch, const omni_robot_config_
     __attribute__((noinline, cold));
 
 /**
- * The motors' currents and their heat; called only if config->current.watched. @param last what the last tick did.
+ * The motors' currents and their heat; called only if config->current.enabled. @param last actuation of the last tick.
  * @return OMNI_FAULT_MOTOR_HEAT and OMNI_WARN_MOTOR_WARM, or 0.
  */
 omni_uint_t omni_robot_watch_currents(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
                                       const omni_estimate_t *estimate, const omni_applied_t *last);
 
-/** After everything else that decides duties; called only if config->current.limited, while armed. */
+/** Apply the current limit to the final duties; called only if config->current.limit_enabled, while armed. */
 void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_config_t *config,
                                const omni_current_state_t *state, omni_real_t supply_V, omni_applied_t *applied,
                                omni_actuation_t *actuation);
 
-/** Currents and heat; called only if config->current.watched. While nobody watches, currents are the wheel filter's. */
+/** Report currents and heat; called only if config->current.enabled, otherwise the wheel filter's currents are. */
 void omni_robot_report_currents(const omni_current_state_t *state, const omni_applied_t *applied,
                                 omni_outputs_t *outputs);
 

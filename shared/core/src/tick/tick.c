@@ -14,7 +14,7 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
     memset(robot, 0, sizeof *robot);
     robot->config = config;
     robot->supervisor.state = OMNI_STATE_INIT;
-    robot->supervisor.speeds.armed = true; /* so that the first tick begins the watch, from its counts */
+    robot->supervisor.speeds.armed = true; /* so that the first tick starts the overspeed check with its counts */
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         omni_motor_kf_reset(&robot->estimator.motor_kf[i], &config->motor_kf);
     }
@@ -25,44 +25,44 @@ void omni_robot_init(omni_robot_t *robot, const omni_robot_config_t *config) {
 
 void omni_robot_set_config(omni_robot_t *robot, const omni_robot_config_t *config) {
     robot->config = config;
-    for (int i = config->kinematics.wheels; i < OMNI_MAX_WHEELS; ++i) { /* a wheel that is not there has no current */
+    for (int i = config->kinematics.wheels; i < OMNI_MAX_WHEELS; ++i) { /* a wheel that does not exist has no current */
         omni_motor_kf_reset(&robot->estimator.motor_kf[i], &config->motor_kf);
     }
-    if (!config->current.watched) { /* what was known of the currents gets old from now on */
+    if (!config->current.enabled) { /* the estimate would become stale */
         memset(&robot->supervisor.current, 0, sizeof robot->supervisor.current);
-        robot->applied.current_cut = 0.0f;
+        robot->applied.current_reduction = 0.0f;
     }
 }
 
-/* Does this fault come from this wheel? */
-static bool is_to_blame(const omni_robot_t *robot, omni_uint_t faults, uint8_t wheel) {
+/* Did this wheel cause one of the faults? */
+static bool fault_involves_wheel(const omni_robot_t *robot, omni_uint_t faults, uint8_t wheel) {
     const bool blind = (faults & (uint32_t)OMNI_FAULT_ENCODER) != 0 &&
-                       robot->estimator.encoder_ticks[wheel] >= (uint32_t)OMNI_ENCODER_TICKS;
+                       robot->estimator.missing_count_ticks[wheel] >= (uint32_t)OMNI_ENCODER_TICKS;
     const bool stalled = (faults & (uint32_t)OMNI_FAULT_STALL) != 0 &&
                          robot->supervisor.stall[wheel].stalled_s > robot->config->limits.stall_s;
     const bool hot = (faults & (uint32_t)OMNI_FAULT_MOTOR_HEAT) != 0 && robot->supervisor.current.heat[wheel] >= 1.0f;
     const bool fast = (faults & (uint32_t)OMNI_FAULT_OVERSPEED) != 0 &&
-                      robot->supervisor.speeds.looks[wheel] > (omni_real_t)OMNI_SPEED_LOOKS;
+                      robot->supervisor.speeds.overspeed_checks[wheel] > (omni_real_t)OMNI_OVERSPEED_CHECKS;
     return blind || stalled || hot || fast;
 }
 
-/* How fast a wheel turned: by its encoder, or by the filter if that gives no counts. */
+/* Speed of a wheel by its encoder, or by the filter if counts are missing. */
 static omni_real_t stop_speed(const omni_robot_t *robot, const omni_estimate_t *estimate, uint8_t wheel)
     __attribute__((noinline, cold));
 
 static omni_real_t stop_speed(const omni_robot_t *robot, const omni_estimate_t *estimate, uint8_t wheel) {
-    if (robot->estimator.encoder_ticks[wheel] > 0) {
+    if (robot->estimator.missing_count_ticks[wheel] > 0) {
         return estimate->wheel_rad_s[wheel];
     }
     const omni_real_t ticks = (omni_real_t)(estimate->steps > 0 ? estimate->steps : 1u);
     return (omni_real_t)estimate->delta_counts[wheel] * robot->config->rad_per_count / (robot->config->step_s * ticks);
 }
 
-/* A fault has just stopped the robot: keep what it saw. Once per stop, so small rather than fast. */
-static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estimate_t *estimate)
+/* Record the snapshot of a stop fault. Once per stop, so optimised for size. */
+static void record_stop_cause(omni_robot_t *robot, omni_uint_t faults, const omni_estimate_t *estimate)
     __attribute__((noinline, cold));
 
-static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estimate_t *estimate) {
+static void record_stop_cause(omni_robot_t *robot, omni_uint_t faults, const omni_estimate_t *estimate) {
     omni_stop_t *stop = &robot->supervisor.stop;
     memset(stop, 0, sizeof *stop);
     stop->supply_V = estimate->supply_V;
@@ -70,7 +70,7 @@ static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estima
         memcpy(stop->error, robot->control.demand.terms.error, sizeof stop->error);
     }
     for (uint8_t i = 0; i < robot->config->kinematics.wheels; ++i) {
-        if (stop->wheel == 0 && is_to_blame(robot, faults, i)) {
+        if (stop->wheel == 0 && fault_involves_wheel(robot, faults, i)) {
             stop->wheel = (uint8_t)(i + 1);
             stop->voltage_V = robot->applied.voltage_V[i];
             stop->current_A = robot->supervisor.current.current_A[i];
@@ -79,27 +79,28 @@ static void keep_stop(omni_robot_t *robot, omni_uint_t faults, const omni_estima
     }
 }
 
-/* Events that move the estimate or the trajectory, and those that the safety table knows. */
+/* Apply the events of this tick: pose, trajectory, safety state. */
 static void apply_events(omni_robot_t *robot, const omni_inputs_t *inputs, omni_uint_t faults,
                          omni_estimate_t *estimate) {
     if ((inputs->events & OMNI_EVENT_SET_POSE) != 0 && robot->supervisor.state != OMNI_STATE_ARMED &&
         omni_pose_is_finite(&inputs->pose)) {
         omni_robot_set_pose(&robot->estimator, robot->config, inputs, estimate);
     }
-    omni_robot_guide_events(&robot->guide, inputs, estimate);
+    omni_robot_reference_events(&robot->reference_generator, inputs, estimate);
     const bool drove = robot->supervisor.state == OMNI_STATE_ARMED;
     if (omni_robot_transition(&robot->supervisor, inputs, faults)) {
-        omni_robot_guide_arm(&robot->guide, inputs, estimate);
+        omni_robot_reference_arm(&robot->reference_generator, inputs, estimate);
         omni_robot_control_reset(&robot->control);
         memset(&robot->supervisor.stop, 0, sizeof robot->supervisor.stop);
     }
     if (drove && robot->supervisor.state == OMNI_STATE_FAILSAFE) {
-        keep_stop(robot, faults, estimate);
+        record_stop_cause(robot, faults, estimate);
     }
 }
 
-/* Last line of defence: what is not finite or not wanted never leaves the tick. @return what that says of the robot. */
-static omni_uint_t seal_actuation(omni_supervisor_t *supervisor, omni_real_t supply_V, omni_applied_t *applied,
+/* Final gate: duties that are not finite, or of a robot that is not armed, are 0. @return OMNI_FAULT_NOT_FINITE or 0.
+ */
+static omni_uint_t gate_actuation(omni_supervisor_t *supervisor, omni_real_t supply_V, omni_applied_t *applied,
                                   omni_actuation_t *actuation) {
     const bool finite = omni_all_finite(actuation->duty, OMNI_MAX_WHEELS);
     if (!finite) {
@@ -117,8 +118,8 @@ static omni_uint_t seal_actuation(omni_supervisor_t *supervisor, omni_real_t sup
 }
 
 static void report_gyro(const omni_estimator_t *estimator, omni_outputs_t *outputs) {
-    const omni_ekf_turn_t *turn = &estimator->gyro.turn;
-    const omni_flag_t used = turn->leads || turn->rest;
+    const omni_ekf_gyro_rate_t *turn = &estimator->gyro.turn;
+    const omni_flag_t used = turn->overrides_wheels || turn->at_rest;
     const omni_real_t bias = omni_pose_ekf_bias(&estimator->pose_ekf);
     outputs->gyro_bias = bias;
     outputs->gyro_bias_sd = omni_sqrtf(omni_pose_ekf_bias_variance(&estimator->pose_ekf));
@@ -129,13 +130,13 @@ static void report_gyro(const omni_estimator_t *estimator, omni_outputs_t *outpu
 static void report_flow(const omni_flow_state_t *flow, omni_outputs_t *outputs) {
     memcpy(outputs->flow_sum, flow->sum, sizeof outputs->flow_sum);
     outputs->flow_nis = flow->nis;
-    outputs->flow_used = flow->used;
-    outputs->flow_refused = flow->refused;
-    outputs->flow_came = flow->came;
-    outputs->flow_lost = flow->lost;
-    outputs->flow_off_rad = flow->off_rad;
-    outputs->flow_usable = !flow->trouble && !flow->silent;
-    outputs->flow_leads = flow->leads;
+    outputs->flow_used = flow->readings_used;
+    outputs->flow_refused = flow->readings_rejected;
+    outputs->flow_received = flow->received;
+    outputs->flow_dropped = flow->dropped;
+    outputs->flow_misalignment_rad = flow->misalignment_rad;
+    outputs->flow_usable = !flow->faulty && !flow->timed_out;
+    outputs->flow_overriding = flow->overriding;
 }
 
 static void report_estimate(const omni_estimator_t *estimator, const omni_robot_config_t *config,
@@ -175,11 +176,11 @@ static void report_estimate(const omni_estimator_t *estimator, const omni_robot_
         outputs->flow_nis = 0.0f;
         outputs->flow_used = 0u;
         outputs->flow_refused = 0u;
-        outputs->flow_came = 0u;
-        outputs->flow_lost = 0u;
-        outputs->flow_off_rad = 0.0f;
+        outputs->flow_received = 0u;
+        outputs->flow_dropped = 0u;
+        outputs->flow_misalignment_rad = 0.0f;
         outputs->flow_usable = false;
-        outputs->flow_leads = false;
+        outputs->flow_overriding = false;
     }
 }
 
@@ -206,26 +207,28 @@ static void report_control(const omni_robot_t *robot, const omni_target_t *targe
     }
 }
 
-/* From the safety state on: what is wanted, what the wheels are given, and what is told of it. */
+/* Stages after the safety state: reference, control, limits, report. */
 static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, const omni_estimate_t *estimate,
                              uint8_t kind, omni_uint_t faults, omni_outputs_t *outputs)
-    /* Its frame is not to be on the stack while the pose filter has the deepest of the tick. */
+    /* Not inlined, so that its frame is not on the stack during the pose filter, the deepest call of the tick. */
     __attribute__((noinline));
 
-/* Most ticks only count, or keep the peak of a wheel's reference: the watch itself is a call that is seldom made. */
-static inline __attribute__((always_inline)) void watch_speeds_when_due(omni_robot_t *robot,
-                                                                        const omni_estimate_t *estimate,
-                                                                        const omni_target_t *target,
-                                                                        const omni_actuation_t *actuation) {
+/* Count down to the next overspeed check and keep the peak of each wheel's reference; the check itself is a rare call.
+ */
+static inline __attribute__((always_inline)) void check_overspeed_when_due(omni_robot_t *robot,
+                                                                           const omni_estimate_t *estimate,
+                                                                           const omni_target_t *target,
+                                                                           const omni_actuation_t *actuation) {
     omni_speed_watch_t *speeds = &robot->supervisor.speeds;
-    if (speeds->left > estimate->steps) {
-        const uint32_t wheel = speeds->left % (4 * OMNI_MAX_WHEELS); /* a quarter of the ticks: the time is scarce */
+    if (speeds->ticks_left > estimate->steps) {
+        const uint32_t wheel = speeds->ticks_left %
+                               (4 * OMNI_MAX_WHEELS); /* one wheel per tick, in a quarter of the ticks, to save time */
         if (wheel < OMNI_MAX_WHEELS) {
             const omni_real_t reference = omni_absf(actuation->wheel_reference[wheel]);
-            const omni_real_t peak = speeds->reference[wheel];
-            speeds->reference[wheel] = omni_select(reference > peak, reference, peak);
+            const omni_real_t peak = speeds->peak_reference_rad_s[wheel];
+            speeds->peak_reference_rad_s[wheel] = omni_select(reference > peak, reference, peak);
         }
-        speeds->left -= estimate->steps;
+        speeds->ticks_left -= estimate->steps;
     } else {
         omni_robot_watch_speeds(speeds, robot->config, &robot->estimator, estimate, target, actuation);
     }
@@ -237,27 +240,28 @@ static void drive_and_report(omni_robot_t *robot, const omni_inputs_t *inputs, c
     omni_target_t target;
     omni_actuation_t actuation;
     target.armed = robot->supervisor.state == OMNI_STATE_ARMED;
-    omni_robot_reference(&robot->guide, config, inputs, estimate, kind, &target);
-    target.exciter = robot->exciter.left == 0 ? NULL : omni_robot_excite(&robot->exciter, config, inputs, &target);
+    omni_robot_reference(&robot->reference_generator, config, inputs, estimate, kind, &target);
+    target.excitation =
+        robot->excitation.ticks_left == 0 ? NULL : omni_robot_excite(&robot->excitation, config, inputs, &target);
     OMNI_INVARIANT(target.armed || (!target.position_loop && target.kind == OMNI_SETPOINT_NONE));
     omni_robot_control(&robot->control, config, inputs, estimate, &target, &robot->applied, &actuation);
-    if (config->current.watched) {
-        robot->applied.current_cut = 0.0f;
-        if (config->current.limited && target.armed) {
+    if (config->current.enabled) {
+        robot->applied.current_reduction = 0.0f;
+        if (config->current.limit_enabled && target.armed) {
             omni_robot_limit_currents(&robot->control, config, &robot->supervisor.current, estimate->supply_V,
                                       &robot->applied, &actuation);
         }
     }
-    watch_speeds_when_due(robot, estimate, &target, &actuation);
+    check_overspeed_when_due(robot, estimate, &target, &actuation);
     faults |= omni_robot_gain_margin(&robot->margin, config, &robot->estimator.pose_ekf, estimate, &target);
-    faults |= seal_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
+    faults |= gate_actuation(&robot->supervisor, estimate->supply_V, &robot->applied, &actuation);
     robot->supervisor.faults = faults;
     report_estimate(&robot->estimator, config, estimate, outputs);
     report_control(robot, &target, &actuation, outputs);
     memcpy(outputs->ismc_margin, robot->margin.margin, sizeof outputs->ismc_margin);
     memset(outputs->motor_heat, 0, sizeof outputs->motor_heat);
-    outputs->current_cut = 0.0f;
-    if (config->current.watched) {
+    outputs->current_reduction = 0.0f;
+    if (config->current.enabled) {
         omni_robot_report_currents(&robot->supervisor.current, &robot->applied, outputs);
     }
     outputs->time_us = inputs->time_us;
@@ -279,7 +283,7 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
 }
 
 uint32_t omni_robot_arming_faults(const omni_robot_t *robot) {
-    const omni_uint_t now = robot->supervisor.faults | robot->supervisor.speeds.fault;
+    const omni_uint_t now = robot->supervisor.faults | robot->supervisor.speeds.overspeed_fault;
     const uint32_t faults = (uint32_t)(now & (uint32_t)OMNI_FAULT_STOP_MASK);
     return robot->supervisor.state == OMNI_STATE_DISARMED ? faults : faults | (uint32_t)OMNI_FAULT_CONFIG;
 }

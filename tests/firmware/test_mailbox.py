@@ -18,8 +18,8 @@ HERE = Path(__file__).parent
 
 @cache
 def library() -> ctypes.CDLL:
-    loaded = ctypes.CDLL(str(kept_library("handover", [HERE / "handover_shim.cpp"])))
-    loaded.handover_take.restype = ctypes.c_bool
+    loaded = ctypes.CDLL(str(kept_library("mailbox", [HERE / "mailbox_shim.cpp"])))
+    loaded.mailbox_take.restype = ctypes.c_bool
     return loaded
 
 
@@ -27,21 +27,21 @@ def library() -> ctypes.CDLL:
 @given(st.lists(st.sampled_from(["publish", "withdraw", "take", "prepare"]), max_size=40))
 def test_the_tick_has_the_latest_value_that_was_not_withdrawn_and_keeps_it(turns: list[str]) -> None:
     lib = library()
-    lib.handover_reset()
+    lib.mailbox_reset()
     offered: int | None = None
     has = -1
     for number, turn in enumerate(turns):
         if turn == "prepare":
-            assert lib.handover_prepare(1000 + number) == has, "the tick's own value was written to"
+            assert lib.mailbox_prepare(1000 + number) == has, "the tick's own value was written to"
         elif turn == "publish":
-            assert lib.handover_prepare(number) == has, "the tick's own value was written to"
-            lib.handover_publish()
+            assert lib.mailbox_prepare(number) == has, "the tick's own value was written to"
+            lib.mailbox_publish()
             offered = number
         elif turn == "withdraw":
-            lib.handover_withdraw()
+            lib.mailbox_withdraw()
             offered = None
         else:
-            assert lib.handover_take() == (offered is not None)
+            assert lib.mailbox_take() == (offered is not None)
             has = has if offered is None else offered
             offered = None
-        assert lib.handover_taken() == has
+        assert lib.mailbox_taken() == has

@@ -25,42 +25,42 @@ from omniwheel.firmware_process import FirmwareProcess
 from tests.hil_sim.echo_robot import Bench, EchoRobot, answer
 from tests.waiting import receive_until
 
-LOOK_US, NEAR_US = lib.OMNI_PATIENCE_LOOK_us, lib.OMNI_PATIENCE_NEAR_us
+LOOK_US, NEAR_US = lib.OMNI_POLL_MAX_us, lib.OMNI_POLL_SHORT_WAIT_us
 
-many_processors = pytest.mark.skipif(lib.omni_patience_processors() < 2, reason="needs two processors")
+many_processors = pytest.mark.skipif(lib.omni_poll_processors() < 2, reason="needs two processors")
 needs_linux = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="processors cannot be chosen here")
 
 
-def patience(looks: bool = True) -> Any:
-    made = ffi.new("omni_patience_t *")
+def poll_backoff(looks: bool = True) -> Any:
+    made = ffi.new("omni_poll_backoff_t *")
     made.looks = looks
     return made
 
 
 def wait(p: Any, waited_us: int) -> bool:
     """Let one wait pass; return whether it was looked."""
-    looked = bool(lib.omni_patience_looks(p))
-    lib.omni_patience_learn(p, looked, waited_us)
+    looked = bool(lib.omni_poll_backoff_should_poll(p))
+    lib.omni_poll_backoff_record(p, looked, waited_us)
     return looked
 
 
 def sleeps_after_a_failure(p: Any) -> int:
     assert wait(p, LOOK_US + 1), "it looks"
     count = 0
-    while not lib.omni_patience_looks(p):
+    while not lib.omni_poll_backoff_should_poll(p):
         wait(p, NEAR_US - 1)
         count += 1
     return count
 
 
 def test_who_waits_in_vain_sleeps_more_and_more() -> None:
-    p = patience()
+    p = poll_backoff()
     assert [sleeps_after_a_failure(p) for _ in range(10)] == [0, 2, 6, 14, 30, 62, 126, 254, 254, 254]
-    assert p.in_vain == 10
+    assert p.failed_polls == 10
 
 
 def test_success_makes_up_for_failures() -> None:
-    p = patience()
+    p = poll_backoff()
     for _ in range(5):
         sleeps_after_a_failure(p)
     for _ in range(200):
@@ -69,23 +69,23 @@ def test_success_makes_up_for_failures() -> None:
 
 
 def test_an_idle_or_paced_link_is_not_looked_at() -> None:
-    p = patience()
+    p = poll_backoff()
     looks = [wait(p, 1000) for _ in range(1000)]
     assert sum(looks) == 2
     assert not any(looks[2:])
 
 
 def test_a_link_that_gets_busy_again_is_looked_at() -> None:
-    p = patience()
+    p = poll_backoff()
     for _ in range(1000):
         wait(p, 1000)
     assert any(wait(p, 100) for _ in range(5))
 
 
 def test_asleep_means_asleep() -> None:
-    p = patience(looks=False)
+    p = poll_backoff(looks=False)
     assert not any(wait(p, 10) for _ in range(500))
-    assert (p.looked, p.slept) == (0, 500)
+    assert (p.polled, p.slept) == (0, 500)
 
 
 def on_one_processor(action: Callable[[], None]) -> None:
@@ -102,11 +102,11 @@ def on_one_processor(action: Callable[[], None]) -> None:
 
 @needs_linux
 def test_one_processor_is_not_wasted() -> None:
-    p = ffi.new("omni_patience_t *")
-    on_one_processor(lambda: lib.omni_patience_init(p, True))
-    assert not p.looks
-    lib.omni_patience_init(p, True)
-    assert p.looks == (lib.omni_patience_processors() > 1)
+    p = ffi.new("omni_poll_backoff_t *")
+    on_one_processor(lambda: lib.omni_poll_backoff_init(p, True))
+    assert not p.enabled
+    lib.omni_poll_backoff_init(p, True)
+    assert p.enabled == (lib.omni_poll_processors() > 1)
 
 
 def late(robot: EchoRobot, sensors: Any) -> None:
@@ -142,11 +142,11 @@ def test_real_time_is_slept_through(dialect: ModuleType, make_world: Any) -> Non
     with echo(dialect, True) as bench:
         bench.link.realtime_factor = 5.0
         assert bench.run(make_world(), 30) == lib.HIL_OK
-        p = bench.link.waiting.patience
-        assert (p.looked, p.in_vain, p.slept) == (0, 0, 0)
+        p = bench.link.waiting.poll_backoff
+        assert (p.polled, p.failed_polls, p.slept) == (0, 0, 0)
         bench.link.realtime_factor = 0.0
         assert bench.run(make_world(), 30) == lib.HIL_OK
-        assert p.looked + p.in_vain + p.slept > 0
+        assert p.polled + p.failed_polls + p.slept > 0
 
 
 def logged(folder: Path, waiting: Waiting) -> tuple[bytes, bytes]:
@@ -178,7 +178,7 @@ def changing(ticks: int, every: int) -> tuple[bytes, list[bytes]]:
             samples = b""
             for part in range(ticks // 50):
                 if every and part % every == 0:
-                    waiting.prefers_looking = waiting.patience.looks = not waiting.prefers_looking
+                    waiting.prefers_looking = waiting.poll_backoff.enabled = not waiting.prefers_looking
                 samples += loop.advance(50).tobytes()
             return samples, frames
         finally:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/** @file words.hpp  Single bits of lanes: products of two words, and numbers as their bits. */
+/** @file bit_access.hpp  Single bits of lanes: products of two words, and numbers as their bits. */
 #ifndef HIL_LANES_WORDS_HPP
 #define HIL_LANES_WORDS_HPP
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file words.h  32-bit words in stored bytes, in the processor's order; no alignment needed.
+/// @file u32_bytes.h  Unaligned access to 32-bit words in a byte buffer, in the processor's byte order.
 #pragma once
 
 #include <cstdint>
@@ -7,11 +7,11 @@
 
 namespace omni {
 
-inline void put_word(uint8_t *at, uint32_t value) {
+inline void write_u32(uint8_t *at, uint32_t value) {
     std::memcpy(at, &value, sizeof value);
 }
 
-inline uint32_t get_word(const uint8_t *at) {
+inline uint32_t read_u32(const uint8_t *at) {
     uint32_t value = 0;
     std::memcpy(&value, at, sizeof value);
     return value;
