@@ -251,14 +251,16 @@ void ControlLoop::begin_pin_test(uint32_t wanted) {
 }
 
 /// During the test the core gets the actual duties, 0, so that no stall is detected and no voltage is integrated. A
-/// setpoint timeout still stops it.
+/// stream of zeros cannot time out, so the timeout of the sender's duties is checked here. It ends the test.
 void ControlLoop::prepare_pin_test() {
     if (pin_test_.ticks == 0) {
         return;
     }
     std::fill(inputs_.setpoint.duty, inputs_.setpoint.duty + OMNI_MAX_WHEELS, 0.0f);
     --pin_test_.ticks;
-    if (pin_test_.ticks == 0 || inputs_.setpoint.kind != OMNI_SETPOINT_DUTY) {
+    const uint64_t timeout_us = static_cast<uint64_t>(setup_->config.limits.command_timeout_s * 1e6f);
+    const bool timed_out = inputs_.time_us > inputs_.setpoint.time_us + timeout_us;
+    if (pin_test_.ticks == 0 || timed_out || inputs_.setpoint.kind != OMNI_SETPOINT_DUTY) {
         pin_test_.ticks = 0;
         inputs_.events |= OMNI_EVENT_DISARM;
     }
