@@ -14,7 +14,6 @@ from omniwheel.errors import LogError
 from omniwheel.identification.pose_fit.wheel_model import WheelModel
 from tests.host.pose_fit.files import table
 from tests.host.pose_fit.robots import COUNTS, drive, true_values
-from tests.omni_reproduce import geometry_page
 
 PULSES = 12288
 LAYOUT = WheelModel(0.051, 0.195, np.radians([300.0, 60.0, 180.0]))
@@ -66,8 +65,3 @@ def test_sessions_of_another_robot_are_scored_and_drawn(tmp_path: Path, monkeypa
     assert figures["four wheels", geometry_logs.LARGEST] is None
     assert [path.name for path in result.pictures] == ["optiodom_three_wheel.png"]
     assert (out / "optiodom_three_wheel.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_the_guide_has_the_figures_of_the_kept_results() -> None:
-    page = geometry_page.PAGE.read_text(encoding="utf-8")
-    assert geometry_page.written() == page, "python -m tests.omni_reproduce.geometry_page --write"
