@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from queue import Full, Queue
+from contextlib import suppress
+from queue import Empty, Full, Queue
 
 from omniwheel.connection import Connection
 
@@ -32,8 +33,9 @@ class Callbacks:
 
     def close(self) -> None:
         """End the thread after the call that is under way."""
-        while not self._calls.empty():
-            self._calls.get_nowait()
+        with suppress(Empty):
+            while True:
+                self._calls.get_nowait()
         self._calls.put(None)
         if threading.current_thread() is not self._thread:
             self._thread.join(_END_S)
@@ -43,4 +45,4 @@ class Callbacks:
             try:
                 action()
             except Exception as error:
-                self._connection.raise_in_waiting(error)
+                self._connection.raise_in_pump(error)

@@ -138,7 +138,7 @@ class Commander:
             if over and len(answers) < copies:  # this may be the answer to an earlier copy
                 self._await_answer(answers, len(answers))
             elif not silent and not over and _final(answers) is None:
-                self._connection.pump(BUSY_PERIOD_S)
+                self._connection.wait(lambda _: False, BUSY_PERIOD_S)
             final = _final(answers)
             if final is not None or over:
                 return final or answers[-1]

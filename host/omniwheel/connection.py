@@ -234,10 +234,10 @@ class Connection:
         """Whether a thread serves the link."""
         return self._thread is not None
 
-    def raise_in_waiting(self, error: Exception) -> None:
-        """Have the next method that waits for the link's thread raise this."""
+    def raise_in_pump(self, error: Exception) -> None:
+        """Have the next :meth:`pump` of another thread than the link's raise this."""
         if self._thread is not None:
-            self._thread.raise_in_waiting(error)
+            self._thread.raise_in_pump(error)
 
     def serve_in_background(self) -> None:
         """Have a thread of its own serve the link from now on, until :meth:`close`."""
@@ -311,6 +311,8 @@ class Connection:
         while True:
             left = end - self.clock()
             self.poll(left)
+            if self._thread is not None and not self._thread.is_current:
+                self._thread.raise_pending()
             if left <= 0.0:
                 return
 

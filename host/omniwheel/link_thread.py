@@ -51,7 +51,7 @@ class LinkThread:
         self._end: BaseException | None = None
         """Why it ended by itself."""
         self._raised: Exception | None = None
-        """What a repeated action or a callback raised: for the next method that waits."""
+        """What a repeated action or a callback raised: for the next pump, so that it ends no stop and no disarming."""
 
     def start(self) -> None:
         """Begin to serve."""
@@ -75,27 +75,24 @@ class LinkThread:
         if self._end is not None:
             raise self._end
 
-    def raise_in_waiting(self, error: Exception) -> None:
-        """Have the next method that waits raise this."""
+    def raise_in_pump(self, error: Exception) -> None:
+        """Have the next pump raise this."""
         with self._monitor:
             self._raised = error
             self._monitor.notify_all()
 
     def await_messages(self, timeout_s: float) -> None:
-        """Let go of the monitor until messages have come, for ``timeout_s`` at most.
-
-        Raises what a repeated action raised, and what ended the thread.
-        """
-        self._check_all()
+        """Let go of the monitor until messages have come, for ``timeout_s`` at most. Raises what ended the thread."""
+        self.check()
         if timeout_s > 0.0:
             self._monitor.wait(timeout_s)
-            self._check_all()
+            self.check()
 
-    def _check_all(self) -> None:
+    def raise_pending(self) -> None:
+        """Raise what a repeated action or a callback raised, once."""
         raised, self._raised = self._raised, None
         if raised is not None:
             raise raised
-        self.check()
 
     def _run(self) -> None:
         try:
@@ -122,7 +119,7 @@ class LinkThread:
         except LinkLostError:
             raise
         except OmniError as error:
-            self.raise_in_waiting(error)
+            self.raise_in_pump(error)
             return SLICE_S
 
 

@@ -118,7 +118,7 @@ class Robot(MovingRobot):
 
         The returned function ends that. Callbacks are called one after the other in a thread of their own, and may use
         the robot; without a thread (:mod:`omniwheel.sync`) they are called while something waits. What one raises is
-        raised by the next method that waits.
+        raised by the next motion, :meth:`sleep` or property; never by what stops or disarms.
         """
 
         def take(message: Message) -> None:

@@ -101,7 +101,7 @@ class Battery(Telemetry):
     def decoded(cls, m: Message) -> Battery:
         """Return the values of a message ``SYS_STATUS``."""
         measured = m.voltage_battery not in (0, 0xFFFF)
-        return cls(m.voltage_battery * _MS if measured else math.nan)
+        return cls(m.voltage_battery / 1e3 if measured else math.nan)
 
 
 @dataclass(frozen=True)

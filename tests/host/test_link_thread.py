@@ -118,7 +118,23 @@ def test_callbacks_may_use_the_robot_and_their_errors_are_heard(robot: Robot, fa
     robot.on(StatusText, lambda text: 1 / 0)
     fake.say("two")
     with pytest.raises(ZeroDivisionError):
-        robot.wait_until(lambda _: False, LONGEST_S, "anything")
+        robot.sleep(LONGEST_S)
+
+
+def test_an_error_in_a_callback_keeps_no_robot_from_being_disarmed(fake: PatientRobot) -> None:
+    called = threading.Event()
+
+    def fail(_: StatusText) -> None:
+        called.set()
+        raise RuntimeError("the program's own")
+
+    with omniwheel.connect(fake) as robot:
+        robot.arm()
+        robot.on(StatusText, fail)
+        fake.say("one")
+        assert called.wait(LONGEST_S)
+    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    assert [first for command, first in fake.commands() if command == arm] == [1.0, 0.0]
 
 
 def test_an_error_in_a_condition_is_the_callers(robot: Robot) -> None:
