@@ -106,7 +106,7 @@ def command(loop: HilLoop, name: str) -> None:
 
 
 def start_driving(loop: HilLoop, drive: str) -> None:
-    """Arm and drive: turn on the spot by velocity set-points, or round a circle by the on-board trajectory."""
+    """Arm and drive: turn on the spot by velocity setpoints, or round a circle by the on-board trajectory."""
     if drive == CIRCLE:
         command(loop, "trajectory_start")
     command(loop, "arm")

@@ -78,7 +78,7 @@ class AfterRunError(RunError):
     """``run`` is over and good; then its log could not be finished, or the robot not be given back."""
 
     def __init__(self, run: Run, error: OmniError) -> None:
-        super().__init__(f"the run is over, but then: {error}", hint=error.hint)
+        super().__init__(f"error after the end of the run: {error}", hint=error.hint)
         self.run = run
 
 
@@ -348,8 +348,8 @@ def _free(robot: Robot) -> None:
     try:
         robot.leave_hil()
     except CommandRefusedError as error:
-        hint = "start that firmware without --lockstep: a run puts it into host-in-the-loop by itself"
-        raise RunError(f"the firmware behind {robot.url} is not free for a run: {error}", hint=hint) from error
+        hint = "start that firmware without --lockstep: the run enables host-in-the-loop itself"
+        raise RunError(f"the firmware behind {robot.url} cannot be used for a run: {error}", hint=hint) from error
 
 
 def _give_back(robot: Robot, values: Mapping[str, float]) -> None:

@@ -202,5 +202,5 @@ def open_port(link: str) -> ImagePort:
         return TerminalPort(address)
     host, _, port = address.rpartition(":")
     if kind != "tcp" or not host or not port.isdigit() or int(port) > 65535:
-        raise FirmwareStartError(f"link '{link}': tcp:HOST:PORT with a port 0..65535, or pty[:SYMLINK], is needed")
+        raise FirmwareStartError(f"link '{link}'; must be tcp:HOST:PORT with a port from 0 to 65535, or pty[:SYMLINK]")
     return TcpPort(host, int(port))

@@ -52,7 +52,7 @@ CLOSED_NS = 50_000_000
 MAX_WAITING = 1 << 16
 _ANSWER = mavlink.MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS
 _ENDINGS = {
-    Stop.REFUSED: "the emulated chip can't go on",
+    Stop.REFUSED: "the emulated chip cannot continue",
     Stop.UPLOAD: "the program jumped to the uploader",
     Stop.POWER: "the power was cut",
 }
@@ -222,7 +222,7 @@ class StorageFile:
         if len(content) in (0, STORAGE_SIZE):
             return content or None
         raise FirmwareStartError(
-            f"--storage {self._path}: {len(content)} bytes are no parameter memory of {STORAGE_SIZE}"
+            f"--storage {self._path}: {len(content)} bytes do not fit the parameter memory of {STORAGE_SIZE}"
         )
 
     def write(self, content: bytes) -> None:
@@ -251,15 +251,19 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m hil_sim.image_process", description=__doc__)
     parser.add_argument("image", type=Path, help="ELF or Intel hex file")
     parser.add_argument("--usb", metavar="LINK", help="tcp:HOST:PORT or pty[:SYMLINK]")
-    parser.add_argument("--uart", metavar="LINK", help="the same for Serial1, the radio's port")
-    parser.add_argument("--robot", default="three_wheel", help="robot file: what is wired to which pin")
-    parser.add_argument("--scenario", help="the world at the pins; without it nothing turns the encoders")
-    parser.add_argument("--world-robot", help="the robot that is really there, if it is another one")
+    parser.add_argument(
+        "--uart", metavar="LINK", help="link of Serial1, the radio's port: tcp:HOST:PORT or pty[:SYMLINK]"
+    )
+    parser.add_argument("--robot", default="three_wheel", help="robot file with the wiring")
+    parser.add_argument("--scenario", help="scenario of the world at the pins; without it the wheels stand still")
+    parser.add_argument("--world-robot", help="robot to simulate, if different")
     parser.add_argument("--seed", type=int)
-    parser.add_argument("--storage", type=Path, help="file that keeps the parameter memory")
-    parser.add_argument("--lockstep", action="store_true", help="stand still while a host in the loop thinks")
-    parser.add_argument("--end-with-stdin", action="store_true", help="end when standard input does")
-    parser.add_argument("--instruction-ns", type=int, default=Options.instruction_ns, help="time of an instruction")
+    parser.add_argument("--storage", type=Path, help="file of the stored parameters")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="stop the simulated time while the host in the loop computes"
+    )
+    parser.add_argument("--end-with-stdin", action="store_true", help="end when standard input is closed")
+    parser.add_argument("--instruction-ns", type=int, default=Options.instruction_ns, help="duration of an instruction")
     return parser.parse_args(words)
 
 

@@ -39,8 +39,8 @@ LOOKING: Waiting = "looking"
 ASLEEP: Waiting = "asleep"
 MEASURED: Waiting = "measured"
 _WHY_OUTSIDE = (
-    "another program took it out, or a stop came while this computer was late by a second; release the emergency stop "
-    "if there was one, and start again"
+    "another program ended it, or an e-stop was received while this computer was late by a second; "
+    "release the e-stop if there was one, and restart"
 )
 
 
@@ -205,16 +205,18 @@ class LockstepLink:
     def _error(self, result: int) -> LinkError:
         after = f"after {self.ticks} ticks"
         if result == lib.HIL_ERR_TIMEOUT:
-            message = f"the robot did not answer within {self._lockstep.timeout_s:g} s {after}"
-            return LinkTimeoutError(message, hint="is it in host-in-the-loop, and nothing else connected to this link?")
+            message = f"the robot did not respond within {self._lockstep.timeout_s:g} s {after}"
+            return LinkTimeoutError(
+                message, hint="check that it is in host-in-the-loop and no other program uses this link"
+            )
         if result == lib.HIL_ERR_OUTSIDE:
             return OutsideLoopError(f"the robot has left host-in-the-loop {after}", hint=_WHY_OUTSIDE)
         if result == lib.HIL_ERR_PROTOCOL:
-            message = f"the robot's answer does not fit the tick it was asked for, {after}"
+            message = f"the robot's reply does not match the requested tick, {after}"
             return LinkError(
-                message, hint="do firmware and this package have the same version? `omni doctor` shows both"
+                message, hint="check that firmware and package have equal versions: `omni doctor` shows both"
             )
-        return LinkLostError(f"the robot closed the link {after}", hint="did the firmware end or restart?")
+        return LinkLostError(f"the robot closed the link {after}", hint="check whether the firmware ended or restarted")
 
 
 class SteppedLink(LockstepLink):

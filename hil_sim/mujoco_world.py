@@ -280,8 +280,8 @@ def _library() -> Any:
 def _refuse_play(scenario: Scenario, config: Any) -> None:
     if config.backlash_rad > 0.0:
         raise ExternalWorldInputError(
-            f"{scenario.source}: backlash_rad is {config.backlash_rad:g}: the MuJoCo model's gears have no play",
-            hint="set backlash_rad = 0 in the scenario's [world], or use our own world",
+            f"{scenario.source}: backlash_rad is {config.backlash_rad:g}: the MuJoCo model has no backlash",
+            hint="set backlash_rad = 0 in the scenario's [world], or use the built-in world",
         )
 
 
@@ -300,7 +300,9 @@ def _notes(config: Any) -> tuple[str, ...]:
     ]
     notes = []
     if slips:
-        notes.append(f"{', '.join(slips)}: of our own world only; in MuJoCo wheels slip by what their contacts give.")
+        notes.append(f"{', '.join(slips)}: only in the built-in world; in MuJoCo slip follows from the contacts.")
     if shapes:
-        notes.append(f"{', '.join(shapes)}: of our own world only; in MuJoCo the rollers' shape and contacts decide.")
+        notes.append(
+            f"{', '.join(shapes)}: only in the built-in world; in MuJoCo the rollers' shape and contacts replace them."
+        )
     return tuple(notes)

@@ -89,6 +89,6 @@ def _cause(code: int) -> str:
     except ValueError:
         name = str(-code)
     if name == "SIGXCPU":
-        return "it did not end in the processor time that it has"
+        return "it exceeded its limit of processor time"
     hint = "; perhaps there was not enough memory" if name == "SIGKILL" else ""
     return f"its process was ended by signal {name}{hint}"

@@ -55,7 +55,7 @@ class MachineLink:
             if taken > 0:
                 give_up_s = self._bench.clock_s() + TAKE_LIMIT_S
             elif self._bench.clock_s() > give_up_s:
-                raise LinkLostError(f"the robot takes no byte from {self.url} for {TAKE_LIMIT_S:g} s")
+                raise LinkLostError(f"the robot accepts no byte from {self.url} for {TAKE_LIMIT_S:g} s")
             if at < len(data):
                 self._bench.advance(STEP_S)
 

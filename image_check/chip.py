@@ -31,7 +31,7 @@ LOOK_S = 2e-6
 QUIET_ns = 50_000
 CLOCKS_LIMIT_S = 0.05
 LATER_us, CLOCKS_us = 7, 80
-"""SDA is let go at moments so far apart, within the nine clocks of 10 us that are to free the bus."""
+"""SDA is released at moments so far apart, within the nine clocks of 10 us that are to free the bus."""
 FREED_S = 0.01
 SETTLED_S = 0.05
 BYTES = 20
@@ -68,10 +68,10 @@ def missing(context: Context) -> list[str]:
     if not results:
         raise CheckError("no arm command was answered")
     if mavlink.MAV_RESULT_ACCEPTED in results:
-        raise CheckError(f"armed without a PWM chip that answers, by arm command {_first(results)} of {len(results)}")
+        raise CheckError(f"armed without an acknowledging PWM chip, by arm command {_first(results)} of {len(results)}")
     if pin is not None and bench.powered:
-        raise CheckError("the output-enable pin is on without a PWM chip that answers")
-    return [f"{len(results)} arm commands without a PWM chip that answers: all refused"]
+        raise CheckError("the output-enable pin is on without an acknowledging PWM chip")
+    return [f"{len(results)} arm commands without an acknowledging PWM chip: all rejected"]
 
 
 def _first(results: list[int]) -> int:
@@ -108,7 +108,7 @@ def freed(context: Context) -> list[str]:
         for turn in range(turns):
             bench.machine.restore(before)
             latest_s = max(latest_s, _hold_and_let_go(bench, turn * LATER_us % CLOCKS_us))
-    return [f"SDA held and let go at {turns} moments: STOP, then updates, at most {1e3 * latest_s:.2f} ms later"]
+    return [f"SDA held low and released at {turns} moments: STOP, then updates, at most {1e3 * latest_s:.2f} ms later"]
 
 
 def _hold_and_let_go(bench: Bench, clocks_us: int) -> float:
@@ -123,7 +123,7 @@ def _hold_and_let_go(bench: Bench, clocks_us: int) -> float:
     machine.i2c_edges()
     bench.advance(FREED_S)
     edges = list(dropwhile(lambda edge: not edge.sda, machine.i2c_edges()))
-    what = f"SDA is let go {clocks_us} us after the first clock that is to free it"
+    what = f"SDA is released {clocks_us} us after the first clock pulse of the bus recovery"
     events = read_wave(edges).events
     taken = sum(isinstance(event, tuple) and event[1] for event in events)
     if taken < BYTES:
@@ -143,7 +143,7 @@ def _wait_for_clocks(bench: Bench) -> None:
                 return
             last_ns = round(edge.time_ns)
         bench.advance(LOOK_S)
-    raise CheckError(f"SDA is held low: no clock comes to free it within {1e3 * CLOCKS_LIMIT_S:g} ms")
+    raise CheckError(f"SDA is held low: no recovery clock pulses within {1e3 * CLOCKS_LIMIT_S:g} ms")
 
 
 def _first_update_s(edges: list[Edge]) -> float:

@@ -65,7 +65,7 @@ class Seen:
 
 
 class Drive:
-    """Somebody at the robot's USB port, who steers it: a turn by set-points, or the circle that it drives by itself.
+    """Somebody at the robot's USB port, who steers it: a turn by setpoints, or the circle that it drives by itself.
 
     ``seen`` is what there was to see. ``deaf``: sends, but does not read.
     """

@@ -50,7 +50,7 @@ def faults_at_the_pins(context: Context) -> list[str]:
     if context.scenario.robot.board.battery_pin is None:
         reasons.update(dict.fromkeys(BATTERY, "this robot does not measure it"))
     if context.scenario.robot.wheels > THREE:
-        reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: nothing stands still"
+        reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: it does not stand still"
     if context.scenario.robot.board.stop_button_pin is None:
         reasons[BUTTON] = "this robot has none"
     if context.scenario.robot.board.motor_pins:
@@ -151,7 +151,7 @@ def _under_way(bench: Bench, starts: Starts, case: FaultCase) -> Drive:
         bench.world.c.config.output_enable_wired = False
     drive.run(READY_S)
     if not bench.powered:
-        raise CheckError(f"{case.name}: the robot does not drive before the fault comes")
+        raise CheckError(f"{case.name}: the robot does not drive before the fault")
     return drive
 
 
@@ -168,7 +168,7 @@ def _stopped(drive: Drive, case: FaultCase, start_s: float, values: Mapping[str,
     bound_s = case.bound_s(values)
     if latency_s > bound_s + late_s:
         raise CheckError(
-            f"{case.name}: bridges off after {1e3 * latency_s:.2f} ms; allowed are {1e3 * bound_s:.1f} ms and "
+            f"{case.name}: bridges off after {1e3 * latency_s:.2f} ms; limits are {1e3 * bound_s:.1f} ms and "
             f"{1e3 * late_s:.2f} ms for tick and bus"
         )
     return f"{case.what}: {1e3 * latency_s:.1f} ms (at most {1e3 * bound_s:.0f} ms)"
@@ -188,11 +188,11 @@ def _said(drive: Drive, case: FaultCase) -> None:
     seen = drive.seen
     fault = case.failsafe
     if fault is not None and (f"failsafe: {fault}" not in seen.texts or fault not in seen.faults):
-        raise CheckError(f"{case.name}: {fault} is not said; texts {seen.texts}, faults {sorted(seen.faults)}")
+        raise CheckError(f"{case.name}: no message of {fault}; texts {seen.texts}, faults {sorted(seen.faults)}")
     if case.warns is not None and case.warns not in seen.faults:
         raise CheckError(f"{case.name}: no warning {case.warns}; faults {sorted(seen.faults)}")
     if case.says is not None and not any(case.says in text for text in seen.texts):
-        raise CheckError(f"{case.name}: '{case.says}' is not said; texts {seen.texts}")
+        raise CheckError(f"{case.name}: '{case.says}' was not sent; texts {seen.texts}")
 
 
 def _way_back(drive: Drive, case: FaultCase) -> None:

@@ -58,9 +58,7 @@ def _until_reset(bench: Bench, begin_s: float, what: str) -> str:
         raise CheckError(f"{what}: no reset within {2e3 * WATCHDOG_S:g} ms: {stop.name} {machine.why}")
     gone_s = machine.time_s - begin_s
     if not WATCHDOG_S - WATCHDOG_EARLY_S <= gone_s <= WATCHDOG_S + TICK_S:
-        raise CheckError(
-            f"{what}: started anew after {1e3 * gone_s:.1f} ms, promised is a reset after {1e3 * WATCHDOG_S:g} ms"
-        )
+        raise CheckError(f"{what}: started anew after {1e3 * gone_s:.1f} ms, the limit is {1e3 * WATCHDOG_S:g} ms")
     return f"{what}: started anew after {1e3 * gone_s:.1f} ms"
 
 
@@ -80,7 +78,9 @@ def _says(bench: Bench, wanted: tuple[str, ...], cause: str, what: str) -> None:
         told = robot.wait_for(Health).reset_cause
     for words in wanted:
         if not any(words in text for text in texts):
-            raise CheckError(f'{what}: the robot does not say "{words}" after it, but: {"; ".join(texts) or "nothing"}')
+            raise CheckError(
+                f'{what}: the robot does not send "{words}" after it, but: {"; ".join(texts) or "nothing"}'
+            )
     if told != cause:
         raise CheckError(f"{what}: the robot gives {told} as the cause of its start, not {cause}")
     if robot.status.armed:

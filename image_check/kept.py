@@ -238,7 +238,7 @@ def _dip(bench: Bench) -> str:
 
 
 def never_arms(context: Context) -> list[str]:
-    """Restart a driving robot in each way, its set-points and heartbeats going on: it comes up disarmed."""
+    """Restart a driving robot in each way, its setpoints and heartbeats going on: it comes up disarmed."""
     ways = {**RESTARTS, "a supply that flickers": _flicker}
     with context.bench(options=_options(context)) as bench:
         boot(bench)

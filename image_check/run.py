@@ -147,7 +147,7 @@ def _chosen(depth: str, only: Sequence[str]) -> list[Check]:
     known = {check.name: check for check in all_checks()}
     unknown = [name for name in only if name not in known]
     if unknown:
-        raise ValueError(f"there is no check {unknown[0]}; there are {', '.join(known)}")
+        raise ValueError(f"unknown check {unknown[0]}; known are {', '.join(known)}")
     return [check for name, check in known.items() if (name in only if only else depth in check.depths)]
 
 

@@ -40,10 +40,12 @@ class Way:
     def __post_init__(self) -> None:
         """Refuse what there is not. Raises StudyInputError."""
         if self.emulated and self.radio is not None:
-            raise StudyInputError("the emulated processor has no radio", hint="either --radio or --emulated")
+            raise StudyInputError(
+                "the emulated processor has no radio", hint="--radio and --emulated exclude each other"
+            )
         if self.radio is not None and self.radio.baud not in BAUDS:
             known = ", ".join(map(str, BAUDS))
-            raise StudyInputError(f"--radio {self.radio.baud}: there are profiles for {known} baud")
+            raise StudyInputError(f"--radio {self.radio.baud}: must be one of {known} baud")
 
     @property
     def suffix(self) -> str:

@@ -111,7 +111,7 @@ def _keep_worst(plan: Plan, rows: NDArray[Any], folder: Path) -> list[tuple[Path
         write_scenario(plan.scenario.with_seed(seed), path, f"Number {place} of the worst runs by {plan.worst_by}.")
         if engine.run_rows(load_scenario(path), seed, 1).tobytes() != rows[row : row + 1].tobytes():
             raise StudyError(
-                f"{path} does not repeat the run that it was kept for",
+                f"{path} does not reproduce its run",
                 hint="this is a defect of omniwheel; please report it with the study's folder",
             )
         kept.append((path, int(row)))

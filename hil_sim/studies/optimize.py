@@ -129,10 +129,10 @@ def open_study(plan: Plan, path: Path, *, fresh: bool = False) -> StudyFolder:
     """Check the plan and open its folder. Raises StudyError, CoreError, MissingPackageError."""
     check_plan(plan.scenario, plan.first_seed, 2 * plan.runs, plan.batch_runs)
     if plan.sampler not in SAMPLERS:
-        raise StudyInputError(f"there is no sampler {plan.sampler}; there are {', '.join(SAMPLERS)}")
+        raise StudyInputError(f"unknown sampler {plan.sampler}; known are {', '.join(SAMPLERS)}")
     for axis in plan.axes:
         if axis.of_the_world or axis.named:
-            what = "is the world's, not the robot's" if axis.of_the_world else "is no range"
+            what = "is a number of the world, not of the robot" if axis.of_the_world else "is not a range"
             raise StudyInputError(
                 f"{axis.name} {what}: it cannot be optimised", hint="write NAME=LOW:HIGH or NAME=LOW:HIGH:log"
             )
@@ -166,7 +166,7 @@ def run_study(
 def _way_out(plan: Plan, why: str) -> str:
     if ALL_COMPLETED in plan.bounds and str(ALL_COMPLETED) in why:
         return f'runs that end early (--duration, an event) never reach their end: constrain "{COMPLETED}.mean>=0"'
-    return "loosen a constraint, widen a range or try more"
+    return "loosen a constraint, widen a range or use more --trials"
 
 
 def _search(plan: Plan, runner: Runner, told: Told) -> list[Trial]:

@@ -7,7 +7,7 @@ import errno
 import socket
 
 _READ_SIZE = 4096
-_IN_USE = "another program listens there, perhaps a firmware that still runs: end it, or choose another port"
+_IN_USE = "another program uses this port, perhaps an old firmware process: end it, or choose another port"
 
 
 def listen_hint(number: int | None) -> str:

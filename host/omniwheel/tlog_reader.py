@@ -71,7 +71,7 @@ class TlogReader:
 
     def note(self) -> str:
         """Say what was skipped; "" if nothing."""
-        return f"{self.skipped} bytes are no MAVLink frames and were skipped" if self.skipped else ""
+        return f"{self.skipped} bytes outside MAVLink frames were skipped" if self.skipped else ""
 
 
 def _record(codec: mavlink.MAVLink, data: bytes, at: int, ended: bool) -> tuple[Message | None, int]:
@@ -161,7 +161,7 @@ class RobotClock:
             time_s = self.newest_s + LATE_S
             self.starts += ((self.newest_s + 0.5 * LATE_S, RESTARTED),)
         elif went_s > SILENT_S:
-            silent = f"nothing was heard of the robot for {went_s:.1f} s"
+            silent = f"no message of the robot for {went_s:.1f} s"
             self.starts += ((0.5 * (self.newest_s + time_s), silent),)
         self.newest_s = max(self.newest_s, time_s)
         return time_s

@@ -131,7 +131,7 @@ def floor(*states: FlowState) -> SensorQuality:
 
 def test_a_floor_sensor_that_fits() -> None:
     assert FloorWatch().quality() is None
-    assert floor(FITS) == SensorQuality("floor sensor", True, "used 532, refused 3, lost 0")
+    assert floor(FITS) == SensorQuality("floor odometry", True, "used 532, refused 3, lost 0")
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_the_monitor_shows_a_line_for_each_sensor() -> None:
         link.end_s = 4.0
         seen = monitor(link)
     assert "gyro  used, bias " in seen
-    assert "floor sensor  used 0, refused 0, lost 0; a drive has yet to prove it" in seen
+    assert "floor odometry  used 0, refused 0, lost 0; a drive has yet to prove it" in seen
 
 
 @pytest.mark.parametrize(("scenario", "key", "name"), [("gyro", "gyro", "gyro"), ("flow", "floor_motion", FLOOR.name)])

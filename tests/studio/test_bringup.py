@@ -54,7 +54,7 @@ def test_nothing_moves_before_yes_the_wheel_is_shown_and_a_stop_ends_it(page: Pa
     begin(page, "motors")
     until(page, "state.bring_up.question")
     page.click("#start-path")  # what else moves the robot waits
-    page.get_by_role("button", name="Yes, go on").click()
+    page.get_by_role("button", name="Yes, continue").click()
     until(page, "state.bring_up.wheel === 2 && robot.armed")
     until(page, "document.querySelector('#bring-up-drawing .meant')?.dataset.wheel === '2'")
     page.keyboard.press("Space")

@@ -64,7 +64,7 @@ def test_a_pulled_encoder_stops_the_robot_names_its_wheel_and_is_mended(page: Pa
     assert page.get_attribute(f"[data-fault='encoder_stuck {wheel}']", "aria-pressed") == "true"
     assert f"wheel {wheel}" in (page.text_content("#world-text") or "")
     page.click("#mend")
-    until(page, "document.getElementById('world-text').textContent === 'Nothing is broken.'")
+    until(page, "document.getElementById('world-text').textContent === 'No active faults.'")
     page.click("#disarm")
     until(page, "robot.state === 'disarmed'")
     drive(page)

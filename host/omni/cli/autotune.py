@@ -43,7 +43,7 @@ EXAMPLES = examples(
 def autotune(
     link: LinkOption = None,
     room_m: RoomOption = 1.0,
-    legs: Annotated[int, typer.Option("--legs", min=4, max=31, help="Straight pieces of each drive.")] = 10,
+    legs: Annotated[int, typer.Option("--legs", min=4, max=31, help="Straight segments of each test drive.")] = 10,
     rounds: Annotated[int, rounds_option(2)] = 4,
     seed: OwnSeedOption = 1,
     prefer: Annotated[

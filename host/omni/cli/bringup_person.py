@@ -43,7 +43,7 @@ class TerminalPerson:
 
     def saw(self, question: str) -> bool | None:
         """Ask yes, no or don't know."""
-        answer = self._ask(question, "y/n, Enter: don't know").lower()
+        answer = self._ask(question, "y/n, Enter: unknown").lower()
         return True if answer in _YES else False if answer in _NO else None
 
     def _ask(self, question: str, choices: str) -> str:
@@ -54,7 +54,7 @@ class TerminalPerson:
         line = sys.stdin.readline()
         if not line:
             error_console.print()
-            raise NoAnswerError("nobody answers on standard input", hint=self._hint)
+            raise NoAnswerError("standard input was closed before the question was answered", hint=self._hint)
         return line.strip()
 
 

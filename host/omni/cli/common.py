@@ -40,7 +40,7 @@ FAILED = 1
 INTERRUPTED = 130
 JSON_WANTED = "omniwheel.json"
 _WHERE_ROBOTS_ARE = (
-    "give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760. No robot at hand? `omni sitl` simulates one"
+    "give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760. Without a robot: `omni sitl` simulates one"
 )
 _HEAD_BYTES = 64
 _PICTURES: Mapping[str, tuple[bytes, ...]] = {
@@ -86,9 +86,12 @@ LinkOption = Annotated[
         autocompletion=completion.ports,
     ),
 ]
-TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for answers.")]
+TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="Timeout for each reply.")]
 WhyOption = Annotated[
-    str, typer.Option("--why", metavar="TEXT", help="Why, for `omni params history`.", show_default=False)
+    str,
+    typer.Option(
+        "--why", metavar="TEXT", help="Comment on the change, shown by `omni params history`.", show_default=False
+    ),
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", callback=_note_json, help="Print one JSON object on standard output and nothing else.")
@@ -126,7 +129,7 @@ def link_url(link: str | None) -> str:
     if len(found) == 1:
         return found[0]
     what = f"{len(found)} Teensys are connected: {', '.join(found)}" if found else "no Teensy is connected"
-    raise LinkUrlError(f"which robot? {what}", hint=_WHERE_ROBOTS_ARE)
+    raise LinkUrlError(f"no robot chosen: {what}", hint=_WHERE_ROBOTS_ARE)
 
 
 def open_robot(
@@ -181,7 +184,9 @@ def _say_if_others_come(robot: Robot) -> None:
 
     def say(number: int) -> None:
         mine = robot.connection.target_system
-        _warn(f"another robot, system id {number}, is on this line; this command is to {mine} (--system chooses)")
+        _warn(
+            f"another robot, system id {number}, is on this link; this command is sent to {mine} (choose with --system)"
+        )
 
     if default_system() is None:
         robot.connection.on_other_robot = say

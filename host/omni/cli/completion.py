@@ -130,7 +130,7 @@ def _check_number(parameter: Any) -> None:
         for word in value if isinstance(value, (list, tuple)) else (value,):
             if not isinstance(word, str) or is_typed_number(word):
                 continue
-            if word.lower().lstrip("+-") != "nan" or parameter.param_type_name == "option":  # set-points say which
+            if word.lower().lstrip("+-") != "nan" or parameter.param_type_name == "option":  # setpoints say which
                 raise typer.BadParameter(f"{word!r} is not a number", ctx=ctx, param=parameter)
         return convert(ctx, value)
 

@@ -27,7 +27,7 @@ def known_names(names: Sequence[str]) -> list[str]:
     known = {message.msgname for message in mavlink.mavlink_map.values()}
     for name in names:
         if name.upper() not in known:
-            raise typer.BadParameter(f"there is no message {name}{did_you_mean(name, known)}")
+            raise typer.BadParameter(f"unknown message {name}{did_you_mean(name, known)}")
     return [name.upper() for name in names]
 
 

@@ -110,8 +110,8 @@ def _print_long(rows: Sequence[Sequence[str]]) -> None:
 )
 @takes(RobotOptions)
 def list_parameters(
-    filter_text: Annotated[str, typer.Argument(metavar="[TEXT]", help="Only names that contain this.")] = "",
-    long: Annotated[bool, typer.Option("--long", help="Also what each one means.")] = False,
+    filter_text: Annotated[str, typer.Argument(metavar="[TEXT]", help="Show only names that contain this text.")] = "",
+    long: Annotated[bool, typer.Option("--long", help="Show descriptions too.")] = False,
     *,
     wanted: RobotOptions,
 ) -> None:
@@ -156,7 +156,7 @@ def set_parameters(
         list[str],
         typer.Argument(
             metavar="NAME=VALUE...",
-            help="All are set, or none, while the link lasts.",
+            help="All are set, or none, unless the link is lost.",
             autocompletion=completion.assignments,
         ),
     ],
@@ -217,7 +217,10 @@ def load(
     ],
     store: StoreOption = False,
     other_robot: Annotated[
-        bool, typer.Option("--other-robot", help="Also set wheels, geometry and wiring that are another robot's.")
+        bool,
+        typer.Option(
+            "--other-robot", help="Also set wheels, geometry and wiring, even if they differ from the robot's."
+        ),
     ] = False,
     why: WhyOption = "",
     *,
@@ -225,9 +228,9 @@ def load(
 ) -> None:
     """Set the parameters of a file or preset, all or none, and show what changed.
 
-    Exit code 1: the file is of a robot with other wheels, geometry or wiring; they are listed, and nothing is set.
+    Exit code 1: the file's wheels, geometry or wiring differ from the robot's; they are listed, and nothing is set.
 
-    The robot keeps its number on the line, SYS_ID. `omni params set SYS_ID=2` gives it another one.
+    The robot keeps its system id, SYS_ID. `omni params set SYS_ID=2` changes it.
     """
     from omniwheel.parameters import SYSTEM
 
@@ -240,7 +243,7 @@ def load(
         if system not in (None, robot.parameters[SYSTEM]):
             note(
                 f"the robot keeps {SYSTEM} {robot.parameters[SYSTEM]:g}; "
-                f"`omni params set {SYSTEM}={system:g}` gives it that of the file",
+                f"`omni params set {SYSTEM}={system:g}` sets the file's",
                 quiet=wanted.as_json,
             )
         keep_over_restart(robot, store, wanted.as_json)
@@ -305,8 +308,7 @@ def diff(
 ) -> None:
     """Show where the robot differs from its robot file, another file, or the defaults (robot → file).
 
-    A robot file sets its own numbers over the defaults. So a fresh robot differs from the defaults only there: compare
-    it with its robot file to see what was tuned. Exit code 1: it differs.
+    A robot file overrides some defaults: compare a robot with its file to see what was tuned. Exit code 1: it differs.
     """
     other, what = _compared(file, parameter_table())
     note(f"compared with {what}", quiet=wanted.as_json)
@@ -321,7 +323,7 @@ def diff(
 @app.command("reset", epilog=examples("omni params reset --store", "omni params reset ISMC_LAM_XY"))
 @takes(RobotOptions)
 def reset(
-    names: Annotated[list[str] | None, typer.Argument(help="Only these, to the defaults of params.toml.")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Reset only these, to the defaults of params.toml.")] = None,
     store: StoreOption = False,
     why: WhyOption = "",
     *,
@@ -329,7 +331,7 @@ def reset(
 ) -> None:
     """Set all parameters back to the robot's own file, or the named ones to their defaults.
 
-    The robot keeps its number on the line, SYS_ID, unless it is named. Another robot may have the default.
+    The robot keeps its system id, SYS_ID, unless it is named.
     """
     with wanted.open() as robot:
         keep_history(robot, why)

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
 
 Changes = Mapping[str, tuple[float, float]]
-StoreOption = Annotated[bool, typer.Option("--store", help="Keep the change over a restart (only while disarmed).")]
+StoreOption = Annotated[
+    bool, typer.Option("--store", help="Store the change in the robot's flash (only while disarmed).")
+]
 
 
 def print_changes(parameters: Parameters, changes: Changes, before: str, after: str, as_json: bool) -> None:

@@ -67,4 +67,4 @@ class Commands:
             print_json({"now": state}, one_line=True)
             return
         on = [str(one["fault"]) + (f" of wheel {one['wheel']}" if one["wheel"] else "") for one in state["on"]]
-        console.print(f"broken: {', '.join(on) or 'nothing'}; {state['speed']:g} times real time")
+        console.print(f"active faults: {', '.join(on) or 'none'}; {state['speed']:g} times real time")

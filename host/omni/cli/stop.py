@@ -31,11 +31,9 @@ _SAID = {
 
 
 def stop(
-    release: Annotated[
-        bool, typer.Option("--release", help="Release the emergency stop instead. The robot is then disarmed.")
-    ] = False,
+    release: Annotated[bool, typer.Option("--release", help="Release the e-stop. The robot is then disarmed.")] = False,
     disarm: Annotated[
-        bool, typer.Option("--disarm", help="Only disarm: motors off, no stop to release. Ends a failsafe, too.")
+        bool, typer.Option("--disarm", help="Only disarm: motors off, no latched e-stop. Also ends a failsafe.")
     ] = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,

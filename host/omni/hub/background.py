@@ -40,7 +40,7 @@ def _serve(server: HubServer, diary: Diary) -> int:
         if server.hub.clients:
             alone_s = time.monotonic()
         elif not server.was_open and time.monotonic() - started_s >= HAND_OVER_WITHIN_S:
-            diary.say("the other program does not let go of it")
+            diary.say("another program keeps it locked")
             return 1
         while server.hub.events:
             diary.say(server.hub.events.popleft())

@@ -79,7 +79,7 @@ class TcpClients:
                 self._leave(client)
                 continue
             if len(unsent) > UNREAD_BYTES:
-                self._hub.events.append(f"{self._hub.clients[number].name} does not read: sent away")
+                self._hub.events.append(f"{self._hub.clients[number].name} disconnected: it does not read its messages")
                 self._leave(client)
 
     def close(self) -> None:
@@ -185,5 +185,5 @@ def _log_eviction(hub: Hub, number: int) -> None:
 
 
 def _cannot_listen(kind: str, address: LinkAddress, error: OSError) -> LinkOpenError:
-    hint = "is another hub there? choose another address with --listen"
+    hint = "is another hub running? choose another address with --listen"
     return LinkOpenError(f"cannot listen at {kind}:{address.place}:{address.number}: {error.strerror}", hint=hint)

@@ -144,7 +144,7 @@ class Hub:
     def announce_open(self) -> None:
         """Tell everybody that the port is there."""
         self._say(f"{self.settings.name} is open")
-        self._tell_all(f"hub: {self.settings.name} is there", _NEWS)
+        self._tell_all(f"hub: {self.settings.name} is connected", _NEWS)
 
     def port_lost(self, *, quiet: bool = False) -> None:
         """The port has gone. What waited for it is thrown away, and its senders are told."""
@@ -158,7 +158,7 @@ class Hub:
             self._refuse(frame.client, frame.message, _LATER)
         if not quiet:
             self._say(f"{self.settings.name} is gone")
-            self._tell_all(f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL)
+            self._tell_all(f"hub: {self.settings.name} is disconnected, waiting for it", _CRITICAL)
 
     def from_port(self, data: bytes) -> None:
         """Take what came from the robot and hand it to the clients."""
@@ -215,7 +215,7 @@ class Hub:
             self._stop(client, message)
         elif not self.is_open:
             self._refuse(client.number, message, _LATER)
-            self._tell(client, f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL, "port")
+            self._tell(client, f"hub: {self.settings.name} is disconnected, waiting for it", _CRITICAL, "port")
         elif kind in _MOVES:
             self._move(client, message, kind)
         elif kind is Kind.HEARTBEAT:
@@ -260,7 +260,7 @@ class Hub:
             self._tell(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
         if not self.is_open:
             self._refuse(client.number, message, _LATER)
-            self._tell(client, f"hub: {self.settings.name} is gone: no stop", _CRITICAL, "port")
+            self._tell(client, f"hub: {self.settings.name} is disconnected: stop not sent", _CRITICAL, "port")
             return
         self._pending.overtake(system, now_s)
         if is_command(message):
@@ -273,7 +273,7 @@ class Hub:
             self._end_drive(client, held=stop_of(message) is Stop.HOLD)
 
     def _end_drive(self, by: Client, *, held: bool) -> None:
-        """A client has stopped what another one drives: tell that one, which may only send set-points or look on."""
+        """A client has stopped what another one drives: tell that one, which may only send setpoints or look on."""
         driver = self.command.revoke(self._clock())
         self._tell_all(notices.stopped(by.name, held=held), _WARNING, but=by.number)
         if driver is not None:
@@ -306,7 +306,7 @@ class Hub:
             text = notices.DRIVE_ENDED
         else:
             text = notices.PAUSE_FIRST
-        self._tell(client, text, _WARNING, "" if is_command(message) else "set-points")
+        self._tell(client, text, _WARNING, "" if is_command(message) else "setpoints")
         self._refuse(client.number, message, _DENIED)
 
     def _beat(self, client: Client, message: Message) -> None:
@@ -326,7 +326,7 @@ class Hub:
         """Let a frame wait for the port; say so if there is no room for it."""
         if not self._outbox.add(self._waiting(client.number, message, kind)):
             client.left_out += 1
-            self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
+            self._tell(client, f"hub: link is full, {client.left_out} dropped", _WARNING, "full")
             self._refuse(client.number, message, _LATER)
         elif is_command(message):
             self._pending.ask(client.number, message, kind is Kind.MOVE, self._clock())
@@ -377,7 +377,7 @@ class Hub:
             self._trials.look(source)
         holder = self.command.holder
         if self.command.robot_says(armed, now_s) and holder is not None:
-            self._released(self.clients[holder], "is done: the robot is not armed")
+            self._released(self.clients[holder], "ended: the robot is not armed")
         if not armed and holder is not None and holder == self._handed_over:
             self.command.finish()
         self._handed_over = None
@@ -417,7 +417,7 @@ class Hub:
         for frame in self._outbox.stale():
             client = self.clients[frame.client]
             client.left_out += 1
-            self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
+            self._tell(client, f"hub: link is full, {client.left_out} dropped", _WARNING, "full")
         if self.is_open:
             for number, interval_us in self.streams.due(set(self.clients), now_s):
                 self._send_own(self._own.interval(self._robot.source, number, interval_us), Kind.INTERVAL)
@@ -432,9 +432,9 @@ class Hub:
         number = self._trials.owner(target_of(message).or_robot(self._robot.source))
         owner = None if number is None else self.clients.get(number)
         if owner is None:
-            self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
+            self._tell(client, "hub: trial ended: its program disconnected", _WARNING)
         else:
-            self._tell(client, f"hub: {owner.name} tries parameters", _WARNING)
+            self._tell(client, f"hub: {owner.name} began a parameter trial", _WARNING)
         self._refuse(client.number, message, _LATER if owner is None else _DENIED)
         return False
 
@@ -477,7 +477,7 @@ class Hub:
                 self._tell(client, text, severity)
 
     def _released(self, client: Client, why: str) -> None:
-        self._say(f"{client.name} {why}; nobody commands")
+        self._say(f"{client.name} {why}; no client in command")
         self._tell_all(notices.NOBODY_COMMANDS, _NEWS)
 
     def _say(self, line: str) -> None:

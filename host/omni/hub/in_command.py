@@ -36,7 +36,7 @@ class InCommand:
             self._heard_s = now_s
 
     def may_move(self, client: int, now_s: float, *, stream: bool, system: int = 0) -> bool:
-        """Ask for the command: True if the client has it now. ``stream`` marks a set-point of a stream.
+        """Ask for the command: True if the client has it now. ``stream`` marks a setpoint of a stream.
 
         ``system`` is the robot that it moves, 0 all of them.
         """
@@ -87,7 +87,7 @@ class InCommand:
         return driver
 
     def has_ended(self, client: int, now_s: float) -> bool:
-        """Return whether the set-points of this client are refused because its drive was ended."""
+        """Return whether the setpoints of this client are refused because its drive was ended."""
         refused_s, pause_s = self._pauses.get(client, (float("-inf"), PAUSE_S))
         return pause_s == ENDED_PAUSE_S and now_s - refused_s < pause_s
 

@@ -106,7 +106,7 @@ class _Silence:
 
 
 class WorkEndedError(LinkError):
-    """Long work was ended from outside: by a stop, or because the page that commands is gone."""
+    """Long work was ended from outside: by a stop, or because the page in command was closed."""
 
 
 class Session:
@@ -173,7 +173,7 @@ class Session:
     def do(self, work: Callable[[Robot], T], *, is_setpoint: bool = False) -> Future[T]:
         """Have ``work`` done by the robot's thread, after what was asked for before.
 
-        A set-point that still waits when a newer one comes is left out.
+        A setpoint that still waits when a newer one comes is left out.
         """
         if self.phase == "connected":
             return self._work.put(work, kind=SETPOINT if is_setpoint else "")
@@ -208,7 +208,7 @@ class Session:
         """Give every frame of this connection to ``recorder`` from now on; return the robot. Raises LinkLostError."""
         robot, link = self.robot, self._link
         if robot is None or link is None or self.phase != "connected":
-            raise LinkLostError("no robot is connected", hint="choose one at the top of the page")
+            raise LinkLostError("no robot is connected", hint="connect to one at the top of the page")
         link.interrupt(lambda: setattr(robot.connection, "recorder", recorder))
         return robot
 
@@ -245,7 +245,7 @@ class Session:
             except Exception as error:
                 _LOG.exception("the robot's thread failed")
                 self.phase = "lost"
-                self.trouble = f"an error of the studio's own: {type(error).__name__}: {error}"
+                self.trouble = f"internal error: {type(error).__name__}: {error}"
             finally:
                 self.robot = self._link = self.quality = None
                 self._work.drop()
@@ -298,7 +298,7 @@ class Session:
             connection.next_heartbeat_s = connection.clock()
 
     def _watch_drive(self, robot: Robot) -> None:
-        """Note why the drive that was begun here is over; set-points are refused then."""
+        """Note why the drive that was begun here is over; setpoints are refused then."""
         try:
             robot.guard.check()
         except StoppedError as error:
@@ -329,9 +329,9 @@ class Session:
 
     def _mind_long_work(self) -> None:
         if self._closing.is_set():
-            self._end_long_work("the studio let go of the robot")
+            self._end_long_work("the studio disconnected from the robot")
         if self._page_is_lost():
-            self._end_long_work("the page that commands is gone")
+            self._end_long_work("the page in command was closed")
 
     def _end_long_work(self, why: str) -> None:
         if self._long_work:
@@ -396,7 +396,7 @@ class Session:
 
     def _say_other(self, system: int) -> None:
         if self._system_id is None:
-            self._say(f"another robot, system id {system}, is on this line: its commands are not from here")
+            self._say(f"another robot, system id {system}, is on this link, commanded by another program")
 
     def _say(self, text: str) -> None:
         with self.lock:

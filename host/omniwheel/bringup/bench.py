@@ -182,7 +182,7 @@ def spin(
     turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
     if not turning:
         robot.disarm()
-        findings.bad(name, "the wheels do not turn, so nothing can be stopped", "run `omni bringup motors` first")
+        findings.bad(name, "the wheels do not turn: a stop cannot be tested", "run `omni bringup motors` first")
     return turning
 
 

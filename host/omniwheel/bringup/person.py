@@ -43,7 +43,7 @@ class Assumed:
 def require(person: Person, question: str) -> None:
     """Raise NotReadyError unless the person agrees."""
     if not person.confirm(question):
-        raise NotReadyError("nothing was moved", hint="run the command again when the robot is ready")
+        raise NotReadyError("no wheel was moved", hint="run the command again when the robot is ready")
 
 
 STAND = "The wheels will turn. Is the robot on a stand, all wheels off the floor, and the motor supply on?"

@@ -19,7 +19,7 @@ def as_markdown(results: Sequence[Result], title: str) -> str:
     """Return a table per check."""
     lines = [f"# {title}", ""]
     for result in results:
-        lines += [f"## {result.check}: {'pass' if result.ok else 'FAIL'}", "", "| | What | Seen |", "|---|---|---|"]
+        lines += [f"## {result.check}: {'pass' if result.ok else 'FAIL'}", "", "| | Item | Result |", "|---|---|---|"]
         lines += [f"| {'✓' if f.ok else '✗'} | {f.name} | {f.seen} |" for f in result.findings]
         lines += ["", *(f"- {advice}" for advice in result.advice)]
         lines += [""] if result.advice else []

@@ -49,7 +49,7 @@ LOOP_KINDS = (
     Kind("speed_rad_s", "largest speed of the wheel", "rad/s", 1.0, 3),
     Kind("moved_m", "largest way", "mm", 1e3, 2),
     Kind("turned_rad", "largest turn", "mrad", 1e3, 2),
-    Kind("left_m", "way that is left", "mm", 1e3, 2),
+    Kind("left_m", "position error at the end", "mm", 1e3, 2),
 )
 """The figures of loop experiments that say something of gains. A bandwidth is higher or lower, not better or worse."""
 _SMALLEST = ("amplitude_rad_s", "amplitude", "amplitude_V", "speed_rad_s")

@@ -49,7 +49,7 @@ def folder() -> Path:
     status = path.stat()
     if status.st_uid != os.getuid() or status.st_mode & (stat.S_IRWXG | stat.S_IRWXO) or path.is_symlink():
         hint = "remove it, or set XDG_RUNTIME_DIR to a folder of your own"
-        raise LinkOpenError(f"the folder {path} is open to others, or another user's", hint=hint)
+        raise LinkOpenError(f"the folder {path} is accessible to other users, or owned by another user", hint=hint)
     return path
 
 

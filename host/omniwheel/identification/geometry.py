@@ -91,7 +91,7 @@ def _linearised(
 def _not_shown(name: str) -> IdentificationError:
     what = "the robot does not turn" if name == "wheel_distance_m" else "the robot does not move along x and y"
     return IdentificationError(
-        f"{name} cannot be told from these runs: {what} enough, or poses have no heading",
+        f"{name} cannot be identified from these runs: {what} enough, or poses have no heading",
         hint="drive circles and spins both ways in view of the motion capture",
     )
 

@@ -71,13 +71,13 @@ class BridgeSettings:
 
     def __post_init__(self) -> None:
         if self.message not in MESSAGES:
-            raise SetpointError(f"the message is {self.message!r}; allowed are {', '.join(MESSAGES)}")
+            raise SetpointError(f"the message is {self.message!r}; must be one of {', '.join(MESSAGES)}")
         for name in ("rate_Hz", "budget_bytes_s", "max_age_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise SetpointError(f"{name} is {value}; a number above 0 is needed")
+                raise SetpointError(f"{name} is {value}; must be a number above 0")
         if not 0.0 <= self.latency_s <= MOST_LATENCY_S:
-            raise SetpointError(f"latency_s is {self.latency_s}; a number from 0 to {MOST_LATENCY_S:g} is needed")
+            raise SetpointError(f"latency_s is {self.latency_s}; must be a number from 0 to {MOST_LATENCY_S:g}")
         if self.latency_s >= self.max_age_s:
             raise SetpointError(f"latency_s is {self.latency_s}, but poses older than {self.max_age_s} s are not sent")
 

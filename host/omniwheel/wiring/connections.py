@@ -11,7 +11,7 @@ from omni_schema.gyro import SCL_PIN, SDA_PIN
 from omniwheel.wiring import electrics
 from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WiringPlan
 
-HEADING = "watch out for"
+HEADING = "note"
 """What stands above ``mind`` wherever a person reads the table."""
 
 
@@ -69,15 +69,15 @@ def bridge_mind(plan: WiringPlan) -> str:
 
 def pull_down_mind() -> str:
     """Return the advice on the resistors at the motors' pins."""
-    return "10 kΩ from each wire to ground: in reset nothing else holds it low"
+    return "10 kΩ from each wire to ground: during reset only the resistor holds it low"
 
 
 def button_mind() -> str:
     """Return the advice on the stop button's contact and its current."""
     weak, strong = 1e3 * electrics.button_A(), 1e3 * electrics.button_A(electrics.BUTTON_PULL_UP_OHM)
     return (
-        f"normally closed, latching: a cut wire stops, too. {weak:.2f} mA flow; a contact that wants more, or a long "
-        f"wire: 1 kΩ from the pin to 3.3 V ({strong:.1f} mA), 10 nF from the pin to ground"
+        f"normally closed, latching: a cut wire stops, too. {weak:.2f} mA flow; for a contact that needs more "
+        f"current, or a long wire: 1 kΩ from the pin to 3.3 V ({strong:.1f} mA), 10 nF from the pin to ground"
     )
 
 
@@ -96,7 +96,7 @@ def gyro_mind(gyro: GyroWiring) -> str:
 def flow_mind(flow: FlowWiring) -> str:
     """Return how the sensor of motion over the floor is mounted."""
     if not flow.chip.wheels:
-        return "flat, at the height over the floor that its maker names, its window free; cable below 20 cm"
+        return "flat, at the mounting height of its data sheet, its window free; cable below 20 cm"
     return (
         f"x wheel {flow.x_wheel_mm:g} mm left of the robot's centre, y wheel {flow.y_wheel_mm:g} mm in front of it "
         "(negative: right, behind); cable below 20 cm"
@@ -144,9 +144,7 @@ def _wheels(plan: WiringPlan) -> list[Connection]:
         mind = "5 V encoders through a level shifter: the Teensy's pins bear 3.3 V"
         found.append(Connection(f"encoder A/B of wheel {numbers}", f"Teensy {pins}", mind))
     else:
-        found.append(
-            Connection("encoders", "nothing", "the robot file gives no encoder_pins: no firmware can be built")
-        )
+        found.append(Connection("encoders", "nothing", "the robot file has no encoder_pins: no firmware can be built"))
     return found
 
 
@@ -186,7 +184,7 @@ def _extras(plan: WiringPlan) -> list[Connection]:
     if plan.external_light:
         found.append(Connection(f"Teensy {plan.light_pin}", "lamp: 470 Ω, LED, ground", ""))
     else:
-        found.append(Connection(f"Teensy {plan.light_pin}", "the lamp on the board", "nothing to wire"))
+        found.append(Connection(f"Teensy {plan.light_pin}", "the lamp on the board", "no wire"))
     return found
 
 

@@ -49,7 +49,7 @@ def sampled_robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 def with_motor(robot: Robot, **values: float) -> tuple[Robot, Calibration]:
     """The synthetic robot's own motor and curve, so that all that is left is noise."""
-    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.deadband)
     curve = MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s))
     motor = {"MOT_K": 0.36, "MOT_B": 0.0, "MOT_R": 2.0, "MOT_L": 1e-4, "MOT_J": KNOWN.lag_s * 0.36**2 / 2.0}
     noise = {"KF_MODE": 1.0, "KF_Q_W": 0.5, "KF_Q_I": 0.0}

@@ -56,7 +56,7 @@ def without_heading(runs: Sequence[Run]) -> list[Refusal]:
     """Return the refusal of the tracked heading where no truth has one: any value of it gives the same positions."""
     if any(run.has_heading for run in runs):
         return []
-    return [Refusal("tracked_heading_rad", "the truth has no heading", "measure the heading too, with two markers")]
+    return [Refusal("tracked_heading_rad", "the truth has no heading", "also measure the heading, with two markers")]
 
 
 def one_way_wheels(runs: Sequence[Run]) -> list[Refusal]:

@@ -182,7 +182,9 @@ def _plain(runs: Sequence[Run], windows: Sequence[Window], layout: WheelModel) -
         refused.append(not_shown(worst, kind, found.half_width(worst), runs))
         if not any(name.endswith("radius_m") for name in found.names if name != worst):
             shown = next(refusal for refusal in refused if refusal.name.endswith("radius_m"))
-            raise LogError(f"these runs show no wheel radius: {shown.name} has a {shown.why}", hint=shown.motion)
+            raise LogError(
+                f"no wheel radius can be identified from these runs: {shown.name} has a {shown.why}", hint=shown.motion
+            )
 
 
 def choose_model(
