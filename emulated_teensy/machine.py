@@ -245,7 +245,7 @@ class Machine:
 
     @property
     def stack_left(self) -> int:
-        """Least bytes that were left of the stack whenever an interrupt came; more than there are if nobody knows."""
+        """Least bytes that were left of the stack whenever an interrupt came; larger than the stack if unknown."""
         return int(lib.rt1062_stack_left(self._c))
 
     def stop_on(self, *stops: Stop) -> None:

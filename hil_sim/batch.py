@@ -164,7 +164,7 @@ def run_batches(
 ) -> Generator[BatchResult, None, None]:
     """Run seeds on ``workers`` threads (None: one per processor); yield results of some blocks in their order.
 
-    Whoever stops taking them, by Ctrl-C or otherwise, stops the runs. Raises as run_batch does.
+    Closing the iterator, also by Ctrl-C, stops the runs. Raises as run_batch does.
     """
     plan, cancel = prepare(spec), Cancel()
     piece = BLOCK * min(max(count // 64, 1), 8)  # not by the number of workers: merging must round alike for all

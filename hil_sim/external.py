@@ -75,7 +75,7 @@ class Sensed:
 
 
 class ExternalWorld(Protocol):
-    """Motors, wheels, body and floor of somebody else's simulator.
+    """Motors, wheels, body and floor of an external simulator.
 
     Time begins at 0. One tick is: :meth:`sense`, the robot's own tick, :meth:`apply`, :meth:`step`. After the last
     step comes one more :meth:`sense`. However a run ends, the last call is :meth:`apply` with all motors coasting.

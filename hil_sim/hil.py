@@ -70,7 +70,7 @@ _UNHEARD = (
     mavlink.MAVLINK_MSG_ID_OMNI_STATUS,
     mavlink.MAVLINK_MSG_ID_OMNI_HEALTH,
 )
-"""Streams that nobody here listens to while ticks run: logged, not decoded."""
+"""Streams that are logged, but not decoded while ticks run."""
 _STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
 
 

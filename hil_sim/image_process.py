@@ -123,12 +123,12 @@ class Server:
             self._take_output()
             slices += 1
             if slices % SAVE_SLICES == 0:
-                self.look_after()
+                self.supervise()
             if stop in _ENDINGS:
                 return self._end(stop)
             if not self._answered:
-                self._keep_pace()
-        self.look_after()
+                self._pace()
+        self.supervise()
         return 0
 
     def _follow_client(self) -> None:
@@ -181,14 +181,14 @@ class Server:
     def _start_clock(self) -> None:
         self._zero_s = time.monotonic() - self._machine.time_s
 
-    def _keep_pace(self) -> None:
+    def _pace(self) -> None:
         ahead_s = self._machine.time_s - (time.monotonic() - self._zero_s)
         if ahead_s > 0.0:
             time.sleep(ahead_s)
         elif ahead_s < -LAG_S:
             self._start_clock()
 
-    def look_after(self) -> None:
+    def supervise(self) -> None:
         """Write the parameter memory to its file if it has changed, and tell what is new among the findings."""
         content = self._machine.storage
         if self._storage is not None and content != self._saved:
@@ -200,7 +200,7 @@ class Server:
         self._told = len(findings)
 
     def _end(self, stop: Stop) -> int:
-        self.look_after()
+        self.supervise()
         why = self._machine.why
         print(_ENDINGS[stop] + (f": {why}" if why else ""), file=sys.stderr, flush=True)
         return 1
@@ -237,7 +237,7 @@ class StorageFile:
 
 
 def end_with_stdin(end: Callable[[], None]) -> None:
-    """Call ``end`` when standard input ends: whoever started this has gone."""
+    """Call ``end`` when standard input is closed: the parent has ended."""
 
     def wait() -> None:
         while sys.stdin.buffer.read(256):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What can be broken in a world that runs in real time, in words for somebody who sees the robot for the first time.
+"""Faults of a world that runs in real time, with texts for users who are new to the robot.
 
 What the robot does about it is derived from :mod:`hil_sim.fault_cases`, which tests hold to the real firmware.
 """

@@ -109,7 +109,7 @@ class LiveWorld:
             on.append({"fault": ICE, "wheel": None})
         return {"on": on, "speed": self.speed}
 
-    def obey(self, line: str) -> None:
+    def apply_command(self, line: str) -> None:
         """Do what one line asks for. Raises CommandLineError; then nothing has changed."""
         try:
             self._do(_parsed(line))
@@ -127,7 +127,7 @@ class LiveWorld:
             refuse_unknown_keys("command", "", command, ["mend"])
             if command["mend"] is not True:
                 raise SchemaError("command", "mend", f"is {command['mend']!r}; must be true")
-            self._mend()
+            self._clear_faults()
         else:
             raise SchemaError("command", "", f"has none of {', '.join(_KINDS)}")
 
@@ -138,7 +138,7 @@ class LiveWorld:
         self.speed = float(speed)
         self._link.set_realtime_factor(self.speed)
 
-    def _mend(self) -> None:
+    def _clear_faults(self) -> None:
         now_s = self._world.time_s
         self._set_faults([fault for fault in self._faults if fault.start_s > now_s])
         self._set_icy(False)

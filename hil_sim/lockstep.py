@@ -32,7 +32,7 @@ once."""
 ROBOT_TICK_TIMEOUT_S = 5.0
 """Wall time for one tick of a robot behind a cable."""
 PATIENCE_S = 60.0
-"""Simulated time after which whoever still talks over a :class:`SteppedLink` gets Ctrl-C, unless told otherwise."""
+"""Default simulated time after which a user of a :class:`SteppedLink` gets Ctrl-C."""
 LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
 Waiting = Literal["looking", "asleep", "measured"]
 LOOKING: Waiting = "looking"
@@ -115,7 +115,7 @@ class LockstepLink:
         return data
 
     def drop_received(self) -> None:
-        """Drop what the robot sent, for runs that nobody listens to."""
+        """Drop the robot's bytes, for runs without a listener."""
         self._lockstep.rx_length = 0
 
     def serve_every(self, ticks: int, skipped: Sequence[int], log_epoch_us: int | None) -> None:
@@ -134,7 +134,7 @@ class LockstepLink:
             self._lockstep.log_epoch_us = log_epoch_us
 
     def run_served(self, ticks: int, take: Callable[[Served], None]) -> None:
-        """Run ticks like :meth:`run`; ``take`` gets what was looked after. The rest stays for whoever reads next."""
+        """Run ticks like :meth:`run`; ``take`` gets the watched messages. The rest stays for the next reader."""
         self._lockstep.serve_ticks = self._serve_ticks
         try:
             self.run(ticks, lambda: take(self.serve()))

@@ -242,9 +242,9 @@ class MujocoWorld:
             near = abs(math.remainder(part.angle_rad - angle + 0.5 * math.pi, 2.0 * math.pi)) < reach
             if near != chosen[number]:
                 chosen[number] = near
-                self._let_touch(wheel, number, near)
+                self._enable_contact(wheel, number, near)
 
-    def _let_touch(self, wheel: int, number: int, near: bool) -> None:
+    def _enable_contact(self, wheel: int, number: int, near: bool) -> None:
         pin, geom, model = self._pins[wheel][number], self._rollers[wheel][number], self.model
         body = model.geom_bodyid[geom]
         dry_N_m = self.parts.wheels[wheel].drag * self.parts.roller_dry_N_m

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The four-wheel robot and its cameras, simulated: a stream of poses and a radio for PWM lines in one.
 
-Time is simulated: it goes on while somebody waits in :meth:`SimulatedRobot.read`, so equal runs give equal numbers.
+Time is simulated: it advances while a caller waits in :meth:`SimulatedRobot.read`, so equal runs give equal numbers.
 """
 
 from __future__ import annotations

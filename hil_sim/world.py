@@ -131,7 +131,7 @@ SIMULATION_KEYS = frozenset(
 
 
 def _refuse_unknown(robot: Robot) -> None:
-    """A misspelt key would leave its effect off, and nobody would know."""
+    """A misspelt key would silently have no effect."""
     for name in robot.simulation:
         if name not in SIMULATION_KEYS:
             raise WorldError(

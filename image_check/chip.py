@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The PWM chip and its bus: how the image sets the chip up, waits for it, and frees a bus that somebody holds."""
+"""The PWM chip and its bus: how the image sets the chip up, waits for it, and frees a bus that is held low."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def _compare(bench: Bench, when: str) -> None:
 
 
 def missing(context: Context) -> list[str]:
-    """A chip that has no power since power-on: whoever asks to arm, from before the first tick on, is refused."""
+    """A chip that has no power since power-on: arming is rejected from before the first tick."""
     with context.bench(options=Options(instruction_ns=QUICK, seed=context.seed)) as bench:
         install(bench, [Kind("chip_power")], 0.0, FOREVER_S)
         boot(bench)
@@ -98,7 +98,7 @@ def _ask_to_arm(bench: Bench, robot: Robot) -> list[int]:
 
 
 def freed(context: Context) -> list[str]:
-    """Somebody holds SDA low and lets go: a STOP ends whatever was going on, then the updates go on."""
+    """SDA is held low and released: a STOP ends the interrupted transfer, then the updates resume."""
     turns = context.pick(3, 8, 60)
     latest_s = 0.0
     with context.bench(options=Options(instruction_ns=QUICK, seed=context.seed)) as bench:
@@ -107,11 +107,11 @@ def freed(context: Context) -> list[str]:
         before = bench.machine.snapshot()
         for turn in range(turns):
             bench.machine.restore(before)
-            latest_s = max(latest_s, _hold_and_let_go(bench, turn * LATER_us % CLOCKS_us))
+            latest_s = max(latest_s, _hold_and_release(bench, turn * LATER_us % CLOCKS_us))
     return [f"SDA held low and released at {turns} moments: STOP, then updates, at most {1e3 * latest_s:.2f} ms later"]
 
 
-def _hold_and_let_go(bench: Bench, clocks_us: int) -> float:
+def _hold_and_release(bench: Bench, clocks_us: int) -> float:
     """Let SDA go so long after the first clock that is to free it; return when an update begins. Raises CheckError."""
     machine = bench.machine
     machine.drive_pin(SDA, 0)

@@ -42,7 +42,7 @@ def noise(context: Context) -> list[str]:
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:
         drive = Drive(bench, TURN)
         drive.robot.pump(0.1)
-        drive.tell_more()
+        drive.show_reason()
         drive.start()
         drive.run(DRIVE_S)
         driving = bench.machine.snapshot()

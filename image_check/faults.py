@@ -91,7 +91,7 @@ class Starts:
         self._bench = bench
         first = Drive(bench, "")
         first.robot.pump(0.1)
-        first.tell_more()
+        first.show_reason()
         self._ready = bench.machine.snapshot()
         self._driving: dict[tuple[str, bool], Snapshot] = {}
 
@@ -100,7 +100,7 @@ class Starts:
         fixes = "fix_rate_Hz" in case.world
         start = self._driving.get((case.drive, fixes))
         if start is None:
-            self._go_back(self._ready)
+            self._recover(self._ready)
             drive = Drive(self._bench, case.drive)
             drive.prepare()
             if fixes:
@@ -108,12 +108,12 @@ class Starts:
             drive.start()
             drive.run(FAULT_S)
             start = self._driving[case.drive, fixes] = self._bench.machine.snapshot()
-        self._go_back(start)
+        self._recover(start)
         drive = Drive(self._bench, case.drive)
         drive.steer()
         return drive
 
-    def _go_back(self, snapshot: Snapshot) -> None:
+    def _recover(self, snapshot: Snapshot) -> None:
         """Going back forgets what the chip objected to, and leaves bytes in the links."""
         _objections(self._bench)
         self._bench.machine.restore(snapshot)
@@ -139,7 +139,7 @@ def run_case(bench: Bench, starts: Starts, case: FaultCase, values: Mapping[str,
     figure = _stopped(drive, case, start_s, values) if case.stops is not None else _drove_on(drive, case)
     drive.run(SETTLE_S)
     _said(drive, case)
-    _way_back(drive, case)
+    _recovery(drive, case)
     return figure
 
 
@@ -195,7 +195,7 @@ def _said(drive: Drive, case: FaultCase) -> None:
         raise CheckError(f"{case.name}: '{case.says}' was not sent; texts {seen.texts}")
 
 
-def _way_back(drive: Drive, case: FaultCase) -> None:
+def _recovery(drive: Drive, case: FaultCase) -> None:
     """Disarm and arm a robot that stopped; it must drive again."""
     if case.stops is not None:
         drive.stop()

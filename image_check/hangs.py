@@ -20,7 +20,7 @@ NOWHERE = struct.pack("<4H", 0x2003, 0x0700, 0x3001, 0x4700)
 NULL_POINTER = struct.pack("<3H", 0x2000, 0x6800, 0xE7FE)
 """movs r0, #0; ldr r0, [r0]: the memory protection unit forbids it."""
 STRAY_INTERRUPT = 54
-"""An interrupt that nobody in the firmware asks for: the debug controller's."""
+"""An interrupt that the firmware does not use: the debug controller's."""
 SET_ENABLE, SET_PENDING = 0xE000E100, 0xE000E200
 """NVIC_ISER0 and NVIC_ISPR0 (Armv7-M architecture reference manual)."""
 WATCHDOG_S = 0.2
@@ -113,7 +113,7 @@ FAULTS: dict[str, tuple[bytes, Callable[[int], int]]] = {
 
 
 def crash(context: Context) -> list[str]:
-    """Faults in the tick and in the main loop of a driving robot, and an interrupt that nobody asked for."""
+    """Faults in the tick and in the main loop of a driving robot, and an unexpected interrupt."""
     figures = []
     expected = frozenset({FindingKind.FAULT, FindingKind.WATCHDOG})
     # Not exact, a handler without a branch counts as a whole.

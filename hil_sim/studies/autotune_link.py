@@ -103,7 +103,7 @@ def radio_parameters(baud: int) -> dict[str, float]:
 
 @contextmanager
 def reached_robot(scenario: Scenario, way: Way) -> Iterator[tuple[Robot, SteppedLink]]:
-    """Start the firmware in the scenario's world and connect; the world goes on while somebody waits."""
+    """Start the firmware in the scenario's world and connect; the world advances while a caller waits."""
     parameters = scenario.parameter_values()
     if way.emulated:
         with EmulatedFirmware(parameters=parameters, links=[DIRECT], lockstep=True) as firmware:

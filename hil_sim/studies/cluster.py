@@ -127,16 +127,16 @@ class DaskPool:
             return 0
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
-        """Wait for a batch, as long as there is somebody to do it."""
+        """Wait for a batch, as long as there are workers."""
         self._seen_s = time.monotonic()
         while True:
             try:
                 return done.get(timeout=_LOOK_S)
             except queue.Empty:
-                self._look_after_workers()
+                self._watch_workers()
 
-    def _look_after_workers(self) -> None:
-        """Raise ClusterError if nobody can be expected to do the batches any more."""
+    def _watch_workers(self) -> None:
+        """Raise ClusterError if the cluster has no workers any more."""
         if self._client.status not in ("running", "connecting"):
             raise self._lost(f"the connection to the scheduler at {self._address} was lost")
         if self._count_threads():
@@ -170,7 +170,7 @@ class DaskPool:
             except (TimeoutError, self._distributed.TimeoutError):
                 if future.status == "error":  # the batch's own
                     raise
-                self._look_after_workers()
+                self._watch_workers()
 
     def _give_up(self, futures: list[Any]) -> None:
         if futures and self._client.status == "running":

@@ -99,7 +99,7 @@ def _digest_in(path: Path) -> str:
 
 
 def _refuse_strange_folder(path: Path) -> None:
-    """Never write among files that are somebody else's."""
+    """Refuse a folder with foreign files."""
     known = any((path / name).exists() for name in (DEFINITION_FILE, BATCHES_FILE))
     if not known and path.is_dir() and any(path.iterdir()):
         hint = "choose another folder with --out; a missing folder is created"

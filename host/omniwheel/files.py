@@ -38,7 +38,7 @@ _BAD_PATHS = (
     errno.ENAMETOOLONG,
     errno.ELOOP,
 )
-"""What somebody else than the disk has to put right: bad input."""
+"""Errors of bad input rather than of the disk."""
 
 
 def home() -> Path | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Until a robot is heard for the first time: whom a connection is to, and why nobody is there."""
+"""The first heartbeat of a robot: selects the robot of a connection, or gives the cause of its absence."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ class TimeSync:
 
     @property
     def waiting(self) -> bool:
-        """Whether an answer may come any moment. It is timed when it is read, so whoever reads should hurry."""
+        """Whether a reply is pending. It is time-stamped when it is read, so the caller must read without delay."""
         now_s = self._connection.clock()
         return any(now_s - stamp_ns * 1e-9 < ANSWER_S for stamp_ns in self._pending)
 

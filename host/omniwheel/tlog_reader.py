@@ -112,7 +112,7 @@ def _frame_end(data: bytes, frame: int) -> int:
         return 0
     if data[frame] == mavlink.PROTOCOL_MARKER_V1:
         return frame + 8 + data[frame + 1]
-    if data[frame + 2] & ~mavlink.MAVLINK_IFLAG_SIGNED:  # a flag that nobody knows: the frame's form is another one
+    if data[frame + 2] & ~mavlink.MAVLINK_IFLAG_SIGNED:  # an unknown flag: the frame has another layout
         return 0
     return frame + 12 + data[frame + 1] + (13 if data[frame + 2] else 0)
 

@@ -24,7 +24,7 @@ from omni.cli import app
 from omni.cli.monitor import view
 from omniwheel import FirmwareProcess, Robot, connect
 from omniwheel.dialect import mavlink
-from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, find_sensors, told_of_sensors
+from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, find_sensors, sensor_advice
 from omniwheel.sensor_quality import (
     BIAS_LIMIT_RAD_S,
     FLOOR,
@@ -270,7 +270,7 @@ def test_after_that_the_robot_tells_no_more() -> None:
     with in_world("gyro") as robot:
         came: list[str] = []
         robot.connection.add_listener(lambda message: came.append(message.get_type()))
-        with told_of_sensors(robot, RATE_HZ):
+        with sensor_advice(robot, RATE_HZ):
             robot.pump(3.0)
         assert came.count("OMNI_GYRO") == pytest.approx(3.0 * RATE_HZ, abs=2)
         came.clear()
@@ -288,7 +288,7 @@ def test_the_messages_come_as_rarely_as_asked_for() -> None:
             came[message.get_type()] = came.get(message.get_type(), 0) + len(message.get_msgbuf())
 
         remove = robot.connection.add_listener(count)
-        with told_of_sensors(robot, RADIO_RATE_HZ) as sensors:
+        with sensor_advice(robot, RADIO_RATE_HZ) as sensors:
             assert sensors == SENSORS
             robot.pump(20.0)
         remove()
@@ -301,7 +301,7 @@ def test_the_messages_come_as_rarely_as_asked_for() -> None:
 def test_a_floor_sensor_that_points_elsewhere_is_put_right_by_the_advice(mounted_deg: float) -> None:
     with (
         in_world("flow", parameters={"CTL_MODE": 0.0}, world={"flow_angle_rad": math.radians(mounted_deg)}) as robot,
-        told_of_sensors(robot, RATE_HZ),
+        sensor_advice(robot, RATE_HZ),
     ):
         drive_in_two_directions(robot)
         quality = words_of(robot)[FLOOR.name]
@@ -344,7 +344,7 @@ def test_a_firmware_that_has_no_such_message_is_left_alone(fake_robot: Callable[
     fake.command_results[mavlink.MAV_CMD_SET_MESSAGE_INTERVAL] = mavlink.MAV_RESULT_UNSUPPORTED
     with connect(fake, clock=fake.clock) as robot:
         robot.parameters.download()
-        with told_of_sensors(robot, RATE_HZ) as sensors:
+        with sensor_advice(robot, RATE_HZ) as sensors:
             assert sensors == (GYRO,)
             console = Console(width=200, record=True, file=io.StringIO())
             console.print(view(robot, 3, sensors))
@@ -355,7 +355,7 @@ def test_a_robot_that_is_gone_is_not_asked_at_the_end(fake: Any, robot: Robot) -
     fake.values["GYRO_AXIS"] = 3.0
     fake.command_results[mavlink.MAV_CMD_REQUEST_MESSAGE] = mavlink.MAV_RESULT_UNSUPPORTED
     robot.parameters.download()
-    with told_of_sensors(robot, RATE_HZ):
+    with sensor_advice(robot, RATE_HZ):
         fake.silent = True
         robot.pump(5.0)
         end_s = fake.now_s

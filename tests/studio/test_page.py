@@ -399,7 +399,7 @@ def test_it_can_be_used_by_keyboard_and_screen_reader(
 def test_a_second_page_watches_until_it_takes_over(page: Page, simulated: Program, open_page: Opener) -> None:
     other = open_page(simulated.url)
     until(other, "robot?.pose")
-    assert other.text_content("#fact-commands") not in ("this page", "nobody")
+    assert other.text_content("#fact-commands") not in ("this page", "no page")
     other.click("#arm")
     until(other, "document.getElementById('notice').textContent.includes('another page')")
     arm(page)

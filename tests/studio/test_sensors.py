@@ -164,7 +164,7 @@ def test_a_sensor_that_comes_up_leaves_the_rate_that_was_chosen() -> None:
     robot.parameters.complete = True
     set_rate(robot, 20.0)
     session = SimpleNamespace(sensors=())
-    Session._mind_the_sensors(cast("Session", session), robot)
+    Session._update_sensor_streams(cast("Session", session), robot)
     assert robot.rates["OMNI_TRACKING"] == 20.0
     assert robot.rates["OMNI_GYRO"] == PLOT_RATE_HZ
     assert [sensor.name for sensor in session.sensors] == ["gyro"]

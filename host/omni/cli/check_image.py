@@ -88,7 +88,7 @@ def check_image(
         redrawn_path(page_file, "--out", PAGE_BEGINS.encode())
     try:
         outcomes = run_checks(
-            image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=say_outcome
+            image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=print_outcome
         )
     except OmniError:  # it brings its hint, whether or not it is a ValueError as well
         raise
@@ -113,7 +113,7 @@ def _write(path: Path | None, page: Callable[[], str]) -> None:
         files.write_text(path, page())
 
 
-def say_outcome(outcome: Outcome) -> None:
+def print_outcome(outcome: Outcome) -> None:
     """Print a line about a check that is over."""
     mark = "[green]✓[/]" if outcome.passed else "[red]✗[/]"
     text = "; ".join(outcome.figures) if outcome.passed else outcome.failure

@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from omni.cli.completion import take_words_as_they_are
+from omni.cli.completion import complete_words_unquoted
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def load(entry: Entry) -> Any:
     else:
         parent.add_typer(module.app, name=entry.name)
     parent.callback()(lambda: None)  # or a single command would take the group's place
-    return take_words_as_they_are(fill_lines(typer.main.get_group(parent).commands[entry.name]))
+    return complete_words_unquoted(fill_lines(typer.main.get_group(parent).commands[entry.name]))
 
 
 def fill_lines(command: Any) -> Any:

@@ -60,7 +60,7 @@ def link(
     Only programs on this computer reach it, unless --listen says otherwise. Anybody who does can drive the robot.
     """
     from omni.hub.addresses import is_local, listen_address, radio_budget
-    from omni.hub.diary import Diary
+    from omni.hub.log_writer import LogWriter
     from omni.hub.server import HAND_OVER_WITHIN_S, HubServer
     from omniwheel.signing import Signer
 
@@ -74,7 +74,7 @@ def link(
     key = default_key()
     signer = None if key is None else Signer(key)
     limit = None if budget is None else radio_budget(budget)
-    url, diary = link_url(link), Diary()
+    url, log = link_url(link), LogWriter()
     try:
         hub = HubServer(url, addresses, budget=limit, signer=signer, system_id=default_system())
         with signals_interrupt(), hub as server:
@@ -83,11 +83,11 @@ def link(
             while True:
                 server.serve()
                 while server.hub.events:
-                    diary.say(server.hub.events.popleft())
+                    log.write(server.hub.events.popleft())
     except KeyboardInterrupt:
         return
     finally:
-        diary.close()
+        log.close()
 
 
 def _announce(server: HubServer, url: str, as_json: bool) -> None:

@@ -47,7 +47,7 @@ def import_command(
     """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
     from omniwheel.logs.importer import import_log
     from omniwheel.logs.log import save_log
-    from omniwheel.logs.spikes import OUTLIER_SD, doubt_about_counts
+    from omniwheel.logs.spikes import OUTLIER_SD, count_noise_warning
 
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
@@ -76,7 +76,7 @@ def import_command(
             f"outliers kept, as counts add up: {outliers} (more than {OUTLIER_SD:g} robust standard deviations from "
             "their neighbours). If the encoder misreads, reject them: threshold under \\[spikes] in the mapping"
         )
-    doubt = doubt_about_counts(imported, summary.noise_counts, summary.noise_correlation)
+    doubt = count_noise_warning(imported, summary.noise_counts, summary.noise_correlation)
     if doubt:
         console.print(f"[yellow]{escape(doubt)}[/]")
     for stretch in summary.frozen:

@@ -61,7 +61,7 @@ def monitor(
     """Show state, pose, wheels, sensors and faults of a robot until Ctrl-C. --json implies --once."""
     from omni.cli.monitor_messages import known_names, show_messages
     from omniwheel.drive_log import is_slow
-    from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, told_of_sensors
+    from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, sensor_advice
 
     names = known_names(message or ())
     with open_robot(link, timeout_s=timeout, texts=False) as robot:
@@ -69,7 +69,7 @@ def monitor(
             show_messages(robot, names, once=once, as_json=as_json)
             return
         wheels = int(robot.parameters["WHEELS"])
-        with told_of_sensors(robot, RADIO_RATE_HZ if is_slow(robot.url) else RATE_HZ) as sensors:
+        with sensor_advice(robot, RADIO_RATE_HZ if is_slow(robot.url) else RATE_HZ) as sensors:
             if once or as_json:
                 status = _heard(robot, sensors, timeout)
                 if as_json:

@@ -10,7 +10,7 @@ import typer
 
 from omni.cli.common import console, print_json
 from omniwheel.errors import CommandRefusedError
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from omniwheel.dialect import Message

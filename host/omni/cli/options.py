@@ -35,7 +35,7 @@ AxisOption = Annotated[Axis, typer.Option("--axis", help="Axis of the world fram
 
 
 def seed_option(words: str) -> Any:
-    """Return the option of a seed. Its upper limit is checked, but not shown: nobody types a number of 19 digits."""
+    """Return the option of a seed. Its upper limit of 19 digits is checked, but not shown."""
     return typer.Option("--seed", min=0, metavar="N", callback=_possible_seed, help=words)
 
 

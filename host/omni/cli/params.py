@@ -20,14 +20,14 @@ from omni.cli.common import (
     console,
     error_console,
     examples,
-    keep_history,
     new_path,
     note,
     parse_assignments,
     print_json,
+    record_history,
 )
 from omni.cli.options import ForceOption, takes
-from omni.cli.params_output import StoreOption, keep_over_restart, print_changes
+from omni.cli.params_output import StoreOption, print_changes, store_in_flash
 from omni.cli.robot_options import RobotOptions
 from omni_schema import Parameter, ParameterTable
 from omni_schema.errors import did_you_mean
@@ -177,10 +177,10 @@ def set_parameters(
     for name, value in values.items():
         checked_value(table, name, value)
     with wanted.open() as robot:
-        keep_history(robot, why)
+        record_history(robot, why)
         old = {name: robot.parameters[name] for name in values}
         robot.parameters.set_many(values)
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         changes = {name: (old[name], robot.parameters[name]) for name in values}
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
@@ -237,7 +237,7 @@ def load(
     path = find_parameter_file(file)
     system = parameter_file.read(path, parameter_table()).get(SYSTEM)
     with wanted.open() as robot:
-        keep_history(robot, why)
+        record_history(robot, why)
         _download(robot, wanted.as_json)
         changes = robot.parameters.load(path, force=other_robot)
         if system not in (None, robot.parameters[SYSTEM]):
@@ -246,7 +246,7 @@ def load(
                 f"`omni params set {SYSTEM}={system:g}` sets the file's",
                 quiet=wanted.as_json,
             )
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 
@@ -334,7 +334,7 @@ def reset(
     The robot keeps its system id, SYS_ID, unless it is named.
     """
     with wanted.open() as robot:
-        keep_history(robot, why)
+        record_history(robot, why)
         before = _download(robot, wanted.as_json)
         if names:
             robot.parameters.set_many({name: _default(robot, name) for name in map(str.upper, names)})
@@ -344,7 +344,7 @@ def reset(
         changes = {name: (before[name], after[name]) for name in after if before.get(name) != after[name]}
         if not names:
             robot.parameters.report_changes(changes)
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 

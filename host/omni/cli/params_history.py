@@ -13,11 +13,11 @@ from omni.cli.common import (
     WhyOption,
     console,
     examples,
-    keep_history,
     print_json,
+    record_history,
 )
 from omni.cli.options import takes
-from omni.cli.params_output import StoreOption, keep_over_restart, print_changes
+from omni.cli.params_output import StoreOption, print_changes, store_in_flash
 from omni.cli.robot_options import RobotOptions
 from omniwheel.errors import HistoryError
 from omniwheel.parameter_file import format_value, shortest
@@ -110,9 +110,9 @@ def undo(
         if not entries:
             raise HistoryError("the history is empty: nothing to undo")
         earlier = kept.before(len(entries) if number is None else number)
-        keep_history(robot, why or f"undo {len(entries) if number is None else number}")
+        record_history(robot, why or f"undo {len(entries) if number is None else number}")
         old = {name: robot.parameters.read(name) for name in earlier}
         robot.parameters.set_many(earlier)
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         changes = {name: (old[name], robot.parameters[name]) for name in earlier if old[name] != earlier[name]}
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)

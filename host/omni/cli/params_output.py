@@ -34,7 +34,7 @@ def print_changes(parameters: Parameters, changes: Changes, before: str, after: 
         console.print(f"[cyan]{escape(name)}[/]  {format_value(info, old)} → [bold]{format_value(info, new)}[/]")
 
 
-def keep_over_restart(robot: Robot, wanted: bool, quiet: bool) -> None:
+def store_in_flash(robot: Robot, wanted: bool, quiet: bool) -> None:
     """Have the robot store its parameters if that is wanted."""
     if wanted:
         robot.store()

@@ -19,7 +19,7 @@ from omni.cli.common import FAILED, JsonOption, console, error_console, examples
 from omni.cli.options import DEFAULT_OUT, ListOption, OutOption
 from omni.cli.run_output import RunFolderError
 from omniwheel import __version__
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from omni_reproduce import study

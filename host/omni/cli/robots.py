@@ -249,6 +249,6 @@ def _print_wiring(plan: WiringPlan) -> None:
     for title in ("from", "to", HEADING):
         table.add_column(title, overflow="fold")
     for connection in connections(plan):
-        table.add_row(escape(connection.start), escape(connection.end), escape(connection.mind))
+        table.add_row(escape(connection.start), escape(connection.end), escape(connection.note))
     console.print(table)
     print_warnings(plan.warnings)

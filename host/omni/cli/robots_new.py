@@ -18,7 +18,7 @@ from omni.cli.common import JsonOption, console, examples, print_json
 from omni.cli.options import RobotFolderOption
 from omni_schema import Robot
 from omniwheel.errors import DataSheetError
-from omniwheel.plain import typed_number
+from omniwheel.number_text import parse_number
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot
 from omniwheel.wiring import plan_wiring
 
@@ -151,7 +151,7 @@ class _Form:
     @staticmethod
     def _parsed(text: str, question: str) -> float:
         try:
-            return typed_number(text)
+            return parse_number(text)
         except ValueError:
             raise DataSheetError(f"{text!r} is not a number", hint=question) from None
 

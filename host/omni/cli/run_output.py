@@ -22,7 +22,7 @@ from omni.cli.common import console, error_console, note, print_json
 from omni.cli.options import seed_option
 from omni_schema.errors import did_you_mean
 from omniwheel.errors import OmniError, OutputFileError
-from omniwheel.plain import shown
+from omniwheel.number_text import shown
 from omniwheel.presets import read_preset
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ from omni.cli.run_output import (
     scenario_of,
     store_and_print,
 )
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from hil_sim.batch import BatchResult

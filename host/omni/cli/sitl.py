@@ -137,7 +137,7 @@ def sitl(
 def serve_world(
     running: Sitl, scenario: Scenario, json_wanted: bool, *, commands: bool, end_with_stdin: bool
 ) -> NoReturn:
-    """Say where the robot is, and keep its world going until KeyboardInterrupt; obey commands if wanted."""
+    """Say where the robot is, and keep its world going until KeyboardInterrupt; apply_command commands if wanted."""
     from omni.cli.sitl_commands import Commands
 
     more = {"world": running.live.catalogue()} if commands else {}
@@ -209,7 +209,7 @@ def _standard_input() -> AbstractContextManager[BinaryIO]:
     """Not sys.stdin's own buffer: Python closes that at the program's end, and aborts if a thread still waits in it."""
     try:
         number = sys.stdin.fileno()
-    except UnsupportedOperation:  # somebody has put a buffer in its place
+    except UnsupportedOperation:  # replaced by a buffer
         return nullcontext(sys.stdin.buffer)
     return open(number, "rb", buffering=0, closefd=False)
 

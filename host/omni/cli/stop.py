@@ -14,8 +14,8 @@ from omni.cli.common import (
     console,
     examples,
     link_url,
+    note_if_shared,
     print_json,
-    say_if_shared,
 )
 from omniwheel.default_system import default_system
 from omniwheel.errors import OmniError, SeveralRobotsError
@@ -86,5 +86,5 @@ def _stop_one(url: str, state: str, timeout_s: float, system: int | None) -> int
             robot.estop_clear()
         else:
             robot.estop()
-        say_if_shared(robot)
+        note_if_shared(robot)
         return robot.connection.target_system

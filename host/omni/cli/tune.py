@@ -22,11 +22,11 @@ from omni.cli.common import (
     WhyOption,
     console,
     examples,
-    keep_history,
     note,
     open_robot,
     parse_assignments,
     print_json,
+    record_history,
     redrawn_path,
     signals_interrupt,
 )
@@ -190,7 +190,7 @@ class _Run:
             log = stack.enter_context(DriveLog(out, NAME, self._asked()))
             robot = stack.enter_context(open_robot(link, timeout_s=timeout_s, recorder=log.write))
             sets = TriedSets(robot, self._wanted)  # what is refused here leaves no folder
-            recorder = keep_history(robot, why)
+            recorder = record_history(robot, why)
             stack.callback(log.leaving)
             log.connected(robot)
             self._folder = log.folder
@@ -297,7 +297,7 @@ def _say(names: list[str], rounds: int, quiet: bool, number: int, index: int) ->
 
 
 def _chosen(keep: bool | None, count: int, json_wanted: bool) -> int | None:
-    """Return which set is kept, None to go back; asks where somebody can answer."""
+    """Return which set is kept, None to go back; prompts if there is a terminal."""
     if keep is not None:
         return 1 if keep else None
     if json_wanted or not sys.stdin.isatty():

@@ -111,7 +111,7 @@ class TcpClients:
 
 
 class UdpClients:
-    """A UDP socket: it answers whoever speaks to it, and, if it speaks first, only the one it speaks to."""
+    """A UDP socket: it replies to every sender, or, if it sends first, only to its target."""
 
     def __init__(self, hub: Hub, address: LinkAddress, clock: Callable[[], float]) -> None:
         self._hub = hub
@@ -150,7 +150,7 @@ class UdpClients:
             return
         try:
             data, peer = self._socket.recvfrom(READ_BYTES)
-        except OSError:  # nobody there yet: "connection refused"
+        except OSError:  # no listener yet: "connection refused"
             return
         if self._fixed is not None and peer[:2] != self._fixed:
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Who may reach the studio: pages that came from it, and nobody else's page."""
+"""Access control of the studio: only pages that it served itself."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Access:
     """Checks the headers of a request.
 
     Another site's page in the same browser can send requests to this computer. But it cannot hide its ``Origin``. A
-    name that somebody else points here shows in ``Host``. Beyond this computer a token is needed as well.
+    foreign name that resolves to this host shows in ``Host``. Beyond this computer a token is needed as well.
     """
 
     def __init__(self, host: str) -> None:

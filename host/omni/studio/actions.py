@@ -16,7 +16,7 @@ from omni.studio.session import set_automatic_rate, set_rate
 from omniwheel.drawn_path import DrawnPath, drawn_path, preview
 from omniwheel.errors import OmniError
 from omniwheel.frames import Pose
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 from omniwheel.robot import Robot
 
 Request = Mapping[str, Any]

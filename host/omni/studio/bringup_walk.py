@@ -14,8 +14,8 @@ from threading import Event
 from typing import Any
 
 from omni.studio.actions import BadRequestError
+from omni.studio.error_text import in_words
 from omni.studio.session import Session, set_automatic_rate
-from omni.studio.words import in_words
 from omni_schema import Robot as RobotFile
 from omniwheel.errors import OmniError
 from omniwheel.logs.run_folder import new_run_folder
@@ -37,7 +37,7 @@ WORDS = {
     "drive": "drive: a small square on the floor",
 }
 CONFIRM, SAW = "confirm", "saw"
-"""Kinds of questions: yes or no, where only yes goes on; yes, no or nobody looked."""
+"""Kinds of questions: yes or no, where only yes goes on; yes, no or unknown."""
 _WHEEL = re.compile(r"\b[Ww]heel (\d)\b")
 _WAIT_S = 0.05
 _LINES_KEPT = 8
@@ -63,17 +63,17 @@ class PagePerson:
         self._answered = Event()
         self._answer: bool | None = None
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Show a line."""
         self.lines.append(text)
 
     def confirm(self, question: str) -> bool:
         """Ask yes or no."""
-        return self._ask(question, CONFIRM) is True
+        return self._prompt(question, CONFIRM) is True
 
     def saw(self, question: str) -> bool | None:
-        """Ask yes, no or nobody looked."""
-        return self._ask(question, SAW)
+        """Ask yes, no or unknown."""
+        return self._prompt(question, SAW)
 
     def answer(self, number: Any, answer: Any) -> None:
         """Take an answer, from another thread. Raises BadRequestError for one to an earlier question."""
@@ -92,7 +92,7 @@ class PagePerson:
         found = _WHEEL.search(text)
         return None if found is None else int(found.group(1))
 
-    def _ask(self, text: str, kind: str) -> bool | None:
+    def _prompt(self, text: str, kind: str) -> bool | None:
         self._answered.clear()
         self.question = Question(next(self._numbers), text, kind)
         try:

@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni.studio.actions import BadRequestError, Request, number_of
+from omni.studio.error_text import in_words
 from omni.studio.session import Session, WorkEndedError
-from omni.studio.words import in_words
 from omniwheel.connection import Recorder
 from omniwheel.drive_log import DriveLog
 from omniwheel.errors import LimitError, OmniError
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 from omniwheel.robot import Robot
 from omniwheel.robots import robot_names
 from omniwheel.tuning import AXES
@@ -118,7 +118,7 @@ class Wanted:
         return experiments.disturbance(robot, push, self.room_m, tell)
 
 
-class _SaidEnoughError(Exception):
+class _ReportedError(Exception):
     """Ends a preview after the experiment has said what it needs, before it does anything."""
 
 
@@ -212,10 +212,10 @@ def needs_of(robot: Robot, wanted: Wanted) -> str:
 
     def tell(text: str) -> None:
         said.append(text)
-        raise _SaidEnoughError
+        raise _ReportedError
 
     try:
-        with suppress(_SaidEnoughError):
+        with suppress(_ReportedError):
             wanted.run(robot, tell)
     except LimitError as error:
         raise BadRequestError(in_words(error)) from error
@@ -294,12 +294,12 @@ class Experiment:
         robot.connection.recorder = log.write if recording is None else _both(recording, log.write)
         remove = robot.connection.add_listener(lambda _: self._note_phase(robot))
         try:
-            return self._wanted.run(robot, self._tell)
+            return self._wanted.run(robot, self._report_progress)
         finally:
             remove()
             robot.connection.recorder = recording
 
-    def _tell(self, text: str) -> None:
+    def _report_progress(self, text: str) -> None:
         if self._needs:
             self._step = text
         else:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-from omni.studio.words import in_words
+from omni.studio.error_text import in_words
 from omniwheel.errors import OmniError
 from omniwheel.flashing.source import source_dir
 

@@ -17,8 +17,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from omni.studio.error_text import in_words
 from omni.studio.session import Session
-from omni.studio.words import in_words
 from omni.studio.worker import Worker
 from omniwheel import parameter_file
 from omniwheel.drive_log.folder import BEFORE_FILE, TLOG_FILE, Drive, write_drive, write_with_figures

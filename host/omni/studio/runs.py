@@ -18,8 +18,8 @@ from starlette.routing import Route
 from omni.studio import reading
 from omni.studio.access import Access
 from omni.studio.actions import BadRequestError, keys_of, number_of, parse_request
+from omni.studio.error_text import hint_of
 from omni.studio.studio import Page, Studio
-from omni.studio.words import hint_of
 from omni.studio.worker import Worker
 from omniwheel.errors import LogError, OmniError
 

@@ -28,6 +28,7 @@ from omni.studio import experiments
 from omni.studio.access import Access
 from omni.studio.actions import ACTIONS, BadRequestError, keys_of, number_of, parse_request
 from omni.studio.bringup_walk import wiring_picture
+from omni.studio.error_text import hint_of
 from omni.studio.outbox import Outbox
 from omni.studio.parameter_view import values_as_json
 from omni.studio.processors import IMAGE, PC, WORDS, processors
@@ -35,7 +36,6 @@ from omni.studio.runs import Runs
 from omni.studio.samples import MOST_NUMBER
 from omni.studio.simulated import Simulation
 from omni.studio.studio import Page, Studio
-from omni.studio.words import hint_of
 from omniwheel import parameter_file
 from omniwheel.default_system import LAST_SYSTEM
 from omniwheel.errors import OmniError
@@ -219,7 +219,7 @@ class StudioServer:
             request = None
         action = request.get("do") if isinstance(request, dict) else None
         if outbox.is_full and action not in ("stop", "disarm"):
-            return  # nobody would read the refusal
+            return  # no client to read the rejection
         if not isinstance(action, str):
             outbox.put(json.dumps({"error": "malformed request"}))
             return

@@ -106,7 +106,7 @@ class Studio:
         return page
 
     def close_page(self, page: Page) -> None:
-        """A page has gone. If it commanded, nobody does until another takes over: the robot is not handed on."""
+        """Handle a page's end. If it was in command, no page is until one takes over."""
         self.pages.remove(page)
         if self.commanding is page:
             self.commanding = None
@@ -430,7 +430,7 @@ class Studio:
 
     def _who_commands(self, page: Page | None) -> str:
         if self.commanding is None:
-            return "nobody"
+            return "no page"
         return "this page" if self.commanding is page else self.commanding.name
 
 

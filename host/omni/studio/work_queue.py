@@ -51,7 +51,7 @@ class WorkQueue:
         return work.future
 
     def get(self) -> Work | None:
-        """Take the oldest that somebody still waits for, None if there is none."""
+        """Return the oldest job that was not abandoned, None if there is none."""
         while True:
             with self._lock:
                 if not self._waiting:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Parameters of the motor model from what a drive on the floor shows, which is volts per speed, acceleration, friction.
 
-From voltages and speeds alone nobody can tell resistance, motor constant and mass apart. So the resistance and
+Voltages and speeds alone do not identify resistance, motor constant and mass separately. So the resistance and
 the inductance stay the robot file's. So do two shares: how much of the volts per speed is back-EMF, and how much of
 the inertia is the wheel's own. All that the robot computes from them is then as measured.
 """

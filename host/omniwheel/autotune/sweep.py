@@ -74,7 +74,7 @@ def sweep(robot: Robot, room_m: float, tell: Callable[[str], None]) -> Swept:
         plan = WheelPlan(**found.settings)
         seen.append(signals_of(found.burst))
         opened = _opened(WheelSetup(robot, plan), seen)
-        doubt = _doubt(opened)
+        doubt = _uncertainty(opened)
     if opened is not None and doubt <= MOST_DOUBT:
         return Swept(measured_margins(opened))
     return Swept(
@@ -94,7 +94,7 @@ def _opened(setup: WheelSetup, seen: Sequence[WheelSignals]) -> Response:
     return opened_loop(swept.response(counted, voltage), loop, setup.gains)
 
 
-def _doubt(opened: Response) -> float:
+def _uncertainty(opened: Response) -> float:
     """Return half of the 95 % interval of the open loop, relative, where the margins are decided: the median there."""
     size = np.abs(opened.value)
     near = (size > NEAR[0]) & (size < NEAR[1])

@@ -72,7 +72,7 @@ def check_drive(robot: Robot, person: Person) -> Result:
     require(person, FLOOR)
     findings = Findings("drive")
     for move in _within_reach(robot):
-        person.tell(move.name)
+        person.show(move.name)
         mark = robot.texts.mark()
         displacement = _drive(robot, move)
         findings.measured[move.name.replace(" ", "_")] = list(displacement)

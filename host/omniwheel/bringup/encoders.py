@@ -28,7 +28,7 @@ def check_encoders(robot: Robot, person: Person, *, begin_timeout_s: float = BEG
     errors = health_of(robot).encoder_errors
     with Samples(robot, RATE_HZ) as samples:
         for wheel in range(layout.wheels):
-            person.tell(f"Turn wheel {wheel + 1} by hand by one whole revolution, {_WHICH_WAY}, then let go.")
+            person.show(f"Turn wheel {wheel + 1} by hand by one whole revolution, {_WHICH_WAY}, then let go.")
             counts = _turned(robot, samples, layout, begin_timeout_s)
             findings.measured[f"wheel_{wheel + 1}_counts"] = list(counts)
             _judge(findings, layout, wheel, counts)

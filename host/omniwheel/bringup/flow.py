@@ -98,7 +98,7 @@ def _listening(robot: Robot) -> Iterator[Ways]:
 
 
 def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, wait_s: float = WAIT_S) -> Result:
-    """Look at the sensor while somebody pushes the robot along a metre, then aside. No motor is driven.
+    """Check the sensor while the operator pushes the robot 1 m ahead, then to the left. No motor is driven.
 
     A robot without one passes, with a word, unless its ``file`` has one. With the file of a sensor that has wheels the
     advice is about these. ``wait_s``: how long the person may take for a push.
@@ -158,7 +158,7 @@ def _push(robot: Robot, ways: Ways, wait_s: float) -> tuple[float, float, float]
 def _ahead(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> bool:
     """Whether another push makes sense. ``how``: whether the sensor has wheels, and how long to wait."""
     wheels, wait_s = how
-    person.tell(PUSH)
+    person.show(PUSH)
     moved = _push(robot, ways, wait_s)
     if moved is None:
         way = math.hypot(*ways.moved()[:2])
@@ -187,7 +187,7 @@ def _judge_turn(robot: Robot, findings: Findings, name: str, turn: float) -> boo
 def _aside(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> None:
     """Straight ahead, a sensor that counts y the wrong way looks right."""
     wheels, wait_s = how
-    person.tell(ASIDE)
+    person.show(ASIDE)
     moved = _push(robot, ways, wait_s)
     if moved is None:
         advice = "push it further, straight to the left"

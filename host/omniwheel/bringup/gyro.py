@@ -76,7 +76,7 @@ def _listening(robot: Robot) -> Iterator[Readings]:
 
 
 def check_gyro(robot: Robot, person: Person, *, file: RobotFile | None = None, wait_s: float = WAIT_S) -> Result:
-    """Look at the gyro of a robot that rests, then while somebody turns it. No motor is driven.
+    """Check the gyro at rest, then while the operator turns the robot. No motor is driven.
 
     A robot without a gyro passes, with a word, unless its ``file`` has one. ``wait_s``: how long the person may take.
     """
@@ -124,7 +124,7 @@ def _rests(robot: Robot, findings: Findings, readings: Readings) -> bool:
 def _turn(robot: Robot, person: Person, findings: Findings, readings: Readings, axis: int, wait_s: float) -> None:
     """A gyro whose sign is wrong is refused by the estimator while the wheels turn along: its rate is then 0."""
     readings.clear()
-    person.tell(TURN)
+    person.show(TURN)
     end_s = robot.connection.clock() + wait_s
     begun = False
     while robot.connection.clock() < end_s and not (begun and readings.still_s >= STILL_S):

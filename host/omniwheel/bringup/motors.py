@@ -55,13 +55,13 @@ def check_motors(robot: Robot, person: Person, *, duty: float = MOTORS_DUTY) -> 
     findings = Findings("motors")
     with Samples(robot) as samples:
         for wheel in range(layout.wheels):
-            person.tell(f"wheel {wheel + 1} turns both ways at {100 * duty:g} % duty")
+            person.show(f"wheel {wheel + 1} turns both ways at {100 * duty:g} % duty")
             mark = robot.texts.mark()
             forward, back = (_turn(robot, samples, layout, wheel, sign * duty) for sign in (1.0, -1.0))
             findings.measured[f"wheel_{wheel + 1}"] = {"forward": vars(forward), "back": vars(back)}
             if not _was_driven(robot, findings, wheel, layout, (forward, back), mark):
                 break
-            if _moves_alone(findings, person, layout, wheel, forward, back):
+            if _turns_alone(findings, person, layout, wheel, forward, back):
                 _judge_direction(findings, person, layout, wheel, forward, back)
                 _judge_speed(findings, layout, wheel, forward, back)
                 _measure_deadband(robot, findings, samples, layout, wheel, duty)
@@ -109,7 +109,7 @@ def _movers(layout: Layout, turn: Turn) -> list[int]:
     return [i for i in range(layout.wheels) if abs(turn.counts[i]) >= threshold]
 
 
-def _moves_alone(findings: Findings, person: Person, layout: Layout, wheel: int, *turns: Turn) -> bool:
+def _turns_alone(findings: Findings, person: Person, layout: Layout, wheel: int, *turns: Turn) -> bool:
     """Judge whether the motor moves its own wheel's encoder and no other."""
     seen = sorted({i for turn in turns for i in _movers(layout, turn)})
     name = f"motor {wheel + 1}"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Stops of other stations and programs while a check runs: such a stop ends the check and stays on.
 
-The robot keeps one emergency stop, whoever asked for it. So a check releases only what it has made itself.
+The robot has one emergency stop for all stations. So a check releases only the stop that it made itself.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class OtherStops:
         return accepted and self._robot.commands.is_of_another(ack)
 
     def require_none(self) -> None:
-        """Raise OtherStopError if somebody else has stopped the robot since the context began."""
+        """Raise OtherStopError if another station has stopped the robot since the context began."""
         if self._who:
             raise OtherStopError(f"another station or program stopped the robot ({self._who})", hint=_HINT)
 

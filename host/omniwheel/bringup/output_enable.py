@@ -60,7 +60,7 @@ def check_output_enable(
     with left_disarmed(robot) as others, Samples(robot) as samples:
         trials = (("pin", False, _PIN_ADVICE), ("pull-up", True, _PULL_UP_ADVICE))
         if all(_trial(robot, others, findings, samples, layout, duty, *trial) for trial in trials):
-            person.tell(BY_HAND)
+            person.show(BY_HAND)
     return findings.result()
 
 

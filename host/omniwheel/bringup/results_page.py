@@ -8,7 +8,7 @@ from pathlib import Path
 
 from omniwheel import files
 from omniwheel.bringup.result import Result
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 TITLE = "Bring-up"
 FILES = {"bringup.json": b'{\n  "ok": ', "bringup.md": f"# {TITLE}".encode()}

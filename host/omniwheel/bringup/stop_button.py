@@ -25,7 +25,7 @@ DUTY = 0.15
 STOP_LIMIT_S = 0.5
 """From the robot's word until the last count."""
 WAIT_S = 30.0
-"""Somebody presses, or lets go, within this time."""
+"""Time limit for a press or a release."""
 PRESS = "The wheels turn. Press the stop button and keep it pressed"
 LET_GO = "Release the stop button"
 NO_PIN = "none: the robot file has no stop_button_pin"
@@ -43,7 +43,7 @@ _WIRE = (
 def check_stop_button(
     robot: Robot, person: Person, *, duty: float = DUTY, file: RobotFile | None = None, wait_s: float = WAIT_S
 ) -> Result:
-    """Turn the wheels slowly until somebody presses the button. Needs a stand, and a person.
+    """Turn the wheels slowly until the operator presses the button. Needs a stand.
 
     A robot whose ``file`` has no such pin passes, with a word. ``wait_s``: how long the person may take. Raises
     OtherStopError if another stop than the button's is on or comes meanwhile; it stays on.
@@ -58,7 +58,7 @@ def check_stop_button(
     with left_disarmed(robot) as others:
         robot.disarm()  # from now on the robot knows a stop of another sender as a later one
         if _press(robot, others, person, findings, duty, wait_s) and _held(others, findings):
-            _let_go(robot, others, person, findings, wait_s)
+            _release_button(robot, others, person, findings, wait_s)
     return findings.result()
 
 
@@ -93,7 +93,7 @@ def _press(robot: Robot, others: OtherStops, person: Person, findings: Findings,
         def said() -> bool:
             return any(OPENED in text.text for text in robot.texts.since(mark))
 
-        person.tell(PRESS)
+        person.show(PRESS)
         pressed = _until(robot, said, wait_s, lambda: _turn(robot, others, layout, duty, said))
         if not pressed:
             findings.bad("press", f"no message of it within {wait_s:g} s", _WIRE)
@@ -142,7 +142,7 @@ def _refusal_of_release(others: OtherStops) -> CommandRefusedError | None:
     return None
 
 
-def _let_go(robot: Robot, others: OtherStops, person: Person, findings: Findings, wait_s: float) -> None:
+def _release_button(robot: Robot, others: OtherStops, person: Person, findings: Findings, wait_s: float) -> None:
     """Only a release leads out: until one is accepted the robot stays stopped."""
     released = False
     stayed = True
@@ -153,7 +153,7 @@ def _let_go(robot: Robot, others: OtherStops, person: Person, findings: Findings
         stayed = stayed and safety_of(robot).state == "estop"
         released = _refusal_of_release(others) is None
 
-    person.tell(LET_GO)
+    person.show(LET_GO)
     _until(robot, lambda: released, wait_s, try_release)
     robot.pump(_STEP_S)
     state = safety_of(robot).state

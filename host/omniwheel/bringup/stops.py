@@ -23,7 +23,7 @@ _HEARTBEAT_S = 1.0
 def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
     """Try the emergency stop, the stop after the last setpoint and the stop after the last heartbeat.
 
-    Raises OtherStopError if somebody else has stopped the robot or does so meanwhile; that stop stays on.
+    Raises OtherStopError if another station has stopped the robot or does so meanwhile; that stop is not released.
     """
     require(person, STAND)
     layout = layout_of(robot)

@@ -193,7 +193,7 @@ def derived_limits(model: DriveModel) -> Changes:
 
 
 def current_limits(answers: RobotAnswers) -> Changes:
-    """Return the limits that follow from the bridge; none where nobody knows it, or where it never chops.
+    """Return the limits that follow from the bridge; none if it is unknown or never reached.
 
     The model's current makes the data sheet's torque, so it is smaller than the winding's by what the gear loses. Only
     the sheet's stall current tells by how much. Raises DataSheetError without it.

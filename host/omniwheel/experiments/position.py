@@ -254,7 +254,7 @@ def chosen_push(robot: Robot, plan: PushPlan) -> tuple[PushPlan, Check[PushPlan]
 
 
 def _silent(_: str) -> None:
-    """Tell nobody."""
+    """Report no progress."""
 
 
 def _sweeping(setup: PositionSetup, plan: PositionPlan) -> PositionPlan:

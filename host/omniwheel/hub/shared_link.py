@@ -23,7 +23,7 @@ from omniwheel.hub.rate_requests import RateRequests, is_from_robot
 from omniwheel.link import Link, SerialLink, TcpLink, open_link, parse_url
 
 LOOK_S = 0.05
-"""How often the owner of a port looks whether somebody asks for it."""
+"""Period at which the owner of a port checks for requests for it."""
 START_S = 15.0
 """How long a hub may take to start and to get the port."""
 _POLL_S = 0.05

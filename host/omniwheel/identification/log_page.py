@@ -15,7 +15,7 @@ from omniwheel.identification.log_study import LogStudy
 from omniwheel.identification.motor_curve import CurveFit
 from omniwheel.identification.path_fit import Settings
 from omniwheel.logs.log import Array, WheelLog
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 KINDS = ("nominal", "identified", "held_out", "held_out_wheels_only", "held_out_duty_only")
 _KIND_NAMES = ("nominal geometry", "all runs", "the other runs", "… wheels only", "… duty only")

@@ -129,7 +129,7 @@ def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S, 
     covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
     estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
     fit = Fit(estimate, segments, _modelled(model, segments, estimate.values), saturated, count_rad)
-    _require_shown(fit)
+    _require_excitation(fit)
     return fit
 
 
@@ -265,7 +265,7 @@ def _require_excited(segments: Segments, model: Model, saturated_share: float) -
             raise IdentificationError(UNSHOWN[name], hint=EXCITE_HINT)
 
 
-def _require_shown(fit: Fit) -> None:
+def _require_excitation(fit: Fit) -> None:
     """Raise IdentificationError that names what the data cannot show."""
     for name, why in UNSHOWN.items():
         if name in fit.estimate.names and not fit.estimate.half_width(name) < 0.5 * abs(fit.estimate[name]):

@@ -92,7 +92,7 @@ class BridgeSettings:
         return min(self.rate_Hz, self.budget_bytes_s / self.frame_bytes(True))
 
     @property
-    def tells_sd(self) -> bool:
+    def has_sd(self) -> bool:
         """Whether how good a fix is goes out with it.
 
         On a small budget a long VICON_POSITION_ESTIMATE would slow the others down. Over a radio it would come so late
@@ -102,7 +102,7 @@ class BridgeSettings:
 
     def frame_bytes(self, known: bool) -> int:
         """Return the largest frame of a fix, of which it is ``known`` how good it is, or not."""
-        return (FRAME_BYTES_SD if known and self.tells_sd else FRAME_BYTES)[self.message]
+        return (FRAME_BYTES_SD if known and self.has_sd else FRAME_BYTES)[self.message]
 
 
 @dataclass
@@ -227,7 +227,7 @@ class Bridge:
         time_us = max(1, self._sync.robot_time_us(measured.taken_s))
         try:
             make = MESSAGES[self.settings.message]
-            sds = (measured.sd_xy_m, measured.sd_theta_rad) if self.settings.tells_sd else (0.0, 0.0)
+            sds = (measured.sd_xy_m, measured.sd_theta_rad) if self.settings.has_sd else (0.0, 0.0)
             message = make(measured.pose, time_us, *sds)
         except SetpointError as error:
             self.counts.refused += 1

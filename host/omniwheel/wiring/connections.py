@@ -21,7 +21,7 @@ class Connection:
 
     start: str
     end: str
-    mind: str
+    note: str
 
 
 def connections(plan: WiringPlan) -> tuple[Connection, ...]:
@@ -38,7 +38,7 @@ def connections(plan: WiringPlan) -> tuple[Connection, ...]:
     return (*signals, *_supplies(plan))
 
 
-def bus_mind(plan: WiringPlan) -> str:
+def bus_note(plan: WiringPlan) -> str:
     """Return what the bus needs at its speed."""
     if plan.i2c_speed_Hz >= 1_000_000:
         return "1 MHz: add 1.4 kΩ from each to 3.3 V, near the chip"
@@ -46,7 +46,7 @@ def bus_mind(plan: WiringPlan) -> str:
     return f"pull-ups to 3.3 V: the 10 kΩ on the usual board do for {speed} on wires of some 20 cm"
 
 
-def oe_mind() -> str:
+def oe_note() -> str:
     """Return the advice on the pull-up of OE, with its figures."""
     good = electrics.oe_level_V(electrics.OE_PULL_UP_OHM)
     poor = electrics.oe_level_V(electrics.BOARD_PULL_DOWN_OHM)
@@ -57,7 +57,7 @@ def oe_mind() -> str:
     )
 
 
-def bridge_mind(plan: WiringPlan) -> str:
+def bridge_note(plan: WiringPlan) -> str:
     """Return the advice on the current limit of a bridge."""
     low, high = electrics.BRIDGE_SUPPLY_V
     limit = electrics.BRIDGE_LIMIT_KOHM
@@ -67,12 +67,12 @@ def bridge_mind(plan: WiringPlan) -> str:
     )
 
 
-def pull_down_mind() -> str:
+def pull_down_note() -> str:
     """Return the advice on the resistors at the motors' pins."""
     return "10 kΩ from each wire to ground: during reset only the resistor holds it low"
 
 
-def button_mind() -> str:
+def button_note() -> str:
     """Return the advice on the stop button's contact and its current."""
     weak, strong = 1e3 * electrics.button_A(), 1e3 * electrics.button_A(electrics.BUTTON_PULL_UP_OHM)
     return (
@@ -81,7 +81,7 @@ def button_mind() -> str:
     )
 
 
-def gyro_mind(gyro: GyroWiring) -> str:
+def gyro_note(gyro: GyroWiring) -> str:
     """Return how the gyro's chip is mounted and addressed."""
     way = "up" if gyro.axis > 0 else "down"
     chip = gyro.chip
@@ -93,7 +93,7 @@ def gyro_mind(gyro: GyroWiring) -> str:
     )
 
 
-def flow_mind(flow: FlowWiring) -> str:
+def flow_note(flow: FlowWiring) -> str:
     """Return how the sensor of motion over the floor is mounted."""
     if not flow.chip.wheels:
         return "flat, at the mounting height of its data sheet, its window free; cable below 20 cm"
@@ -103,7 +103,7 @@ def flow_mind(flow: FlowWiring) -> str:
     )
 
 
-def divider_mind(plan: WiringPlan) -> str:
+def divider_note(plan: WiringPlan) -> str:
     """Return the resistors of the battery's divider."""
     full = electrics.LOGIC_V * plan.battery_divider
     return (
@@ -116,7 +116,7 @@ def _bus(plan: WiringPlan) -> list[Connection]:
     if not plan.chip:
         return []
     return [
-        Connection(f"Teensy {SDA} (SDA), {SCL} (SCL)", "PCA9685 SDA, SCL", bus_mind(plan)),
+        Connection(f"Teensy {SDA} (SDA), {SCL} (SCL)", "PCA9685 SDA, SCL", bus_note(plan)),
         Connection("Teensy 3.3 V", "PCA9685 VCC", "never 5 V: its pull-ups would put 5 V onto the Teensy's pins"),
     ]
 
@@ -127,18 +127,18 @@ def _output_enable(plan: WiringPlan) -> list[Connection]:
         return [] if pin is None else [Connection(f"Teensy {pin}", "OE of the bridges' buffer", "1 kΩ to 3.3 V")]
     if plan.output_enable_pin is None:
         return [Connection("ground", "PCA9685 OE", "not wired to the Teensy: only the bus can stop a motor")]
-    return [Connection(f"Teensy {plan.output_enable_pin}", "PCA9685 OE", oe_mind())]
+    return [Connection(f"Teensy {plan.output_enable_pin}", "PCA9685 OE", oe_note())]
 
 
 def _wheels(plan: WiringPlan) -> list[Connection]:
     numbers = ", ".join(str(wheel.number) for wheel in plan.wheels)
     channels = ", ".join(f"{wheel.in1_channel}/{wheel.in2_channel}" for wheel in plan.wheels)
-    bridge = Connection("DRV8871 OUT1, OUT2", "its motor", bridge_mind(plan))
+    bridge = Connection("DRV8871 OUT1, OUT2", "its motor", bridge_note(plan))
     found = [Connection(f"PCA9685 channels {channels}", f"IN1/IN2 of the DRV8871 of wheel {numbers}", ""), bridge]
     if not plan.chip:
         motors = ", ".join("/".join(map(str, wheel.motor_pins or ())) for wheel in plan.wheels)
         end = f"{'/'.join(plan.motor_inputs)} of the bridge of wheel {numbers}"
-        found = [Connection(f"Teensy {motors}", end, pull_down_mind()), bridge]
+        found = [Connection(f"Teensy {motors}", end, pull_down_note()), bridge]
     if plan.encoders:
         pins = ", ".join("/".join(map(str, wheel.encoder_pins or ())) for wheel in plan.wheels)
         mind = "5 V encoders through a level shifter: the Teensy's pins bear 3.3 V"
@@ -159,7 +159,7 @@ def _gyro(plan: WiringPlan) -> list[Connection]:
         return []
     chip = plan.gyro.chip
     return [
-        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip.name} SDA, SCL", gyro_mind(plan.gyro)),
+        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip.name} SDA, SCL", gyro_note(plan.gyro)),
         Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V, unless its board has a regulator"),
     ]
 
@@ -170,7 +170,7 @@ def _flow(plan: WiringPlan) -> list[Connection]:
     chip = plan.flow.chip
     pins = f"Teensy {floor_motion.SDA_PIN} (SDA2), {floor_motion.SCL_PIN} (SCL2)"
     return [
-        Connection(pins, f"{chip.name} SDA, SCL", flow_mind(plan.flow)),
+        Connection(pins, f"{chip.name} SDA, SCL", flow_note(plan.flow)),
         Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V: the Teensy's pins bear 3.3 V"),
     ]
 
@@ -178,9 +178,9 @@ def _flow(plan: WiringPlan) -> list[Connection]:
 def _extras(plan: WiringPlan) -> list[Connection]:
     found = []
     if plan.battery_pin is not None:
-        found.append(Connection("VM through a divider", f"Teensy {plan.battery_pin}", divider_mind(plan)))
+        found.append(Connection("VM through a divider", f"Teensy {plan.battery_pin}", divider_note(plan)))
     if plan.stop_button_pin is not None:
-        found.append(Connection("ground through the stop button", f"Teensy {plan.stop_button_pin}", button_mind()))
+        found.append(Connection("ground through the stop button", f"Teensy {plan.stop_button_pin}", button_note()))
     if plan.external_light:
         found.append(Connection(f"Teensy {plan.light_pin}", "lamp: 470 Ω, LED, ground", ""))
     else:

@@ -40,7 +40,7 @@ def widest(layout: WheelModel) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.array([limits.get(kind, np.inf) for kind in layout.kinds])
 
 
-def not_shown(name: str, kind: str, half_width: float, runs: Sequence[Run]) -> Refusal:
+def not_excited(name: str, kind: str, half_width: float, runs: Sequence[Run]) -> Refusal:
     """Return the refusal of a parameter with its interval, in SI units."""
     motions = {
         "radius": "drive straight for two metres or more in two directions: ahead and sideways",

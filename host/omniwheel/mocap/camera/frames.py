@@ -154,7 +154,7 @@ class LiveFrames:
         return said_s if now_s - _DRIVER_LATE_S < said_s <= now_s else now_s
 
     def read(self, timeout_s: float) -> Frame | None:
-        """Return the newest picture that nobody had yet."""
+        """Return the newest picture not returned before."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None or self._lost, max(0.0, timeout_s))
             frame, self._newest = self._newest, None
