@@ -136,6 +136,6 @@ def violations(wave: Wave, limits: Limits) -> list[str]:
         slack_ns = _ROUNDING_ns if name == "period" else 0.0
         if times and least(times) < getattr(limits, name) - slack_ns:
             found.append(
-                f"{name.replace('_', ' ')} {least(times):.0f} ns, at least {getattr(limits, name):g} ns are asked for"
+                f"{name.replace('_', ' ')} {least(times):.0f} ns, at least {getattr(limits, name):g} ns are required"
             )
     return found

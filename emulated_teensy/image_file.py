@@ -113,7 +113,7 @@ def _read_elf(path: Path) -> Image:
         table = elf.get_section_by_name(".symtab")
         entries = [] if table is None else list(table.iter_symbols())
     except (ELFError, ValueError) as error:
-        raise FirmwareImageError(f"{path} is no image of a Teensy 4.0: {error}", hint=_MAKE) from error
+        raise FirmwareImageError(f"{path} is not an image of a Teensy 4.0: {error}", hint=_MAKE) from error
     symbols = {str(e.name): int(e["st_value"]) for e in entries if e.name and not e.name.startswith("$")}
     functions = sorted(
         (int(e["st_value"]) & ~_THUMB, int(e["st_size"]), str(e.name))
@@ -165,5 +165,5 @@ def _join(pieces: Any) -> bytes:
         flash += _ERASED * (offset + len(data) - len(flash))
         flash[offset : offset + len(data)] = data
     if not flash:
-        raise ValueError("there is nothing to load in it")
+        raise ValueError("it has no loadable content")
     return bytes(flash)

@@ -198,7 +198,7 @@ class Machine:
     @storage.setter
     def storage(self, content: bytes) -> None:
         if len(content) != STORAGE_SIZE:
-            raise ValueError(f"{len(content)} bytes are no parameter memory: it has {STORAGE_SIZE}")
+            raise ValueError(f"{len(content)} bytes do not fit the parameter memory of {STORAGE_SIZE}")
         self.flash[STORAGE_BEGIN : STORAGE_BEGIN + STORAGE_SIZE] = content
 
     # ---- running
@@ -245,7 +245,7 @@ class Machine:
 
     @property
     def stack_left(self) -> int:
-        """Least bytes that were left of the stack whenever an interrupt came; more than there are if nobody knows."""
+        """Least bytes that were left of the stack whenever an interrupt came; larger than the stack if unknown."""
         return int(lib.rt1062_stack_left(self._c))
 
     def stop_on(self, *stops: Stop) -> None:
@@ -268,7 +268,7 @@ class Machine:
         if isinstance(symbol, int):
             return symbol & ~1
         if symbol not in self.image.symbols:
-            raise FirmwareImageError(f"{self.image.path} has no symbol {symbol}: an ELF file with symbols is needed")
+            raise FirmwareImageError(f"{self.image.path} has no symbol {symbol}: must be an ELF file with symbols")
         address = self.image.symbols[symbol]
         return address & ~1 if any(name == symbol for _, _, name in self.image.functions) else address
 
@@ -285,13 +285,13 @@ class Machine:
         """Read memory, not registers. Raises ValueError."""
         data = ffi.new("uint8_t[]", count)
         if not lib.rt1062_read(self._c, address, data, count):
-            raise ValueError(f"{count} bytes at {address:#010x} are not all memory")
+            raise ValueError(f"{count} bytes at {address:#010x} are partly outside memory")
         return bytes(data)
 
     def write(self, address: int, data: bytes) -> None:
         """Write memory, not registers. Raises ValueError."""
         if not lib.rt1062_write(self._c, address, data, len(data)):
-            raise ValueError(f"{len(data)} bytes at {address:#010x} are not all memory")
+            raise ValueError(f"{len(data)} bytes at {address:#010x} are partly outside memory")
 
     def write_register(self, address: int, value: int) -> None:
         """Write a 32-bit register as the processor does. Raises ValueError."""
@@ -402,7 +402,7 @@ class Machine:
         """Put noise in place of what comes over an encoder's wire; 0: the wire is mended. Raises ValueError."""
         if not lib.rt1062_noise(self._c, teensy_pin, edges_per_s):
             raise ValueError(
-                f"no noise of {edges_per_s} edges per second on pin {teensy_pin}: no such wire, or too many"
+                f"no noise of {edges_per_s} edges per second on pin {teensy_pin}: unknown wire, or too many"
             )
 
     def cut_power_at(self, flash_commands: int, share: float) -> None:

@@ -78,7 +78,7 @@ STATUSES: Mapping[int, str] = {
     lib.HIL_RUN_ARMING: "arming refused",
     lib.HIL_RUN_PARAMETERS: "parameters refused",
     lib.HIL_RUN_TRAJECTORY: "trajectory refused",
-    lib.HIL_RUN_ENDLESS: "path without end",
+    lib.HIL_RUN_ENDLESS: "endless path",
 }
 """How a run came out, by the ``status`` of its row; "ok": it was played to its end, completed or not."""
 
@@ -164,7 +164,7 @@ def run_batches(
 ) -> Generator[BatchResult, None, None]:
     """Run seeds on ``workers`` threads (None: one per processor); yield results of some blocks in their order.
 
-    Whoever stops taking them, by Ctrl-C or otherwise, stops the runs. Raises as run_batch does.
+    Closing the iterator, also by Ctrl-C, stops the runs. Raises as run_batch does.
     """
     plan, cancel = prepare(spec), Cancel()
     piece = BLOCK * min(max(count // 64, 1), 8)  # not by the number of workers: merging must round alike for all
@@ -199,7 +199,7 @@ def statistics_of(rows: NDArray[Any]) -> Statistics:
 
 def _check_seeds(scenario: Scenario, first: int, count: int) -> None:
     if not 1 <= count <= MAX_COUNT:
-        raise ValueError(f"count is {count}; allowed is 1 to {MAX_COUNT}")
+        raise ValueError(f"count is {count}; must be 1 to {MAX_COUNT}")
     if not 0 <= first <= MAX_SEED - (count - 1):
         problem = f"is {first} for {count} runs; the last seed may be {MAX_SEED} at most"
         raise SchemaError(scenario.source, "scenario.seed", problem)

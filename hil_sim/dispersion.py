@@ -82,7 +82,7 @@ def _entry(source: str, name: str, value: object) -> Dispersion:
     refuse_unknown_keys(source, f"{key}.", value, ("uniform", "normal", "relative"))
     relative = value.get("relative", False)
     if not isinstance(relative, bool):
-        raise SchemaError(source, f"{key}.relative", f"is {relative!r}; allowed are true and false")
+        raise SchemaError(source, f"{key}.relative", f"is {relative!r}; must be true or false")
     if ("uniform" in value) == ("normal" in value):
         raise SchemaError(source, key, "needs exactly one of uniform and normal")
     if "normal" in value:
@@ -94,7 +94,7 @@ def _entry(source: str, name: str, value: object) -> Dispersion:
 def _deviation(source: str, key: str, value: object) -> float:
     number = take_number(source, key, value)
     if not 0.0 < number < 1e6:
-        raise SchemaError(source, key, f"is {number:g}; a standard deviation above 0 is needed")
+        raise SchemaError(source, key, f"is {number:g}; must be a standard deviation above 0")
     return number
 
 

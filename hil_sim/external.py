@@ -75,7 +75,7 @@ class Sensed:
 
 
 class ExternalWorld(Protocol):
-    """Motors, wheels, body and floor of somebody else's simulator.
+    """Motors, wheels, body and floor of an external simulator.
 
     Time begins at 0. One tick is: :meth:`sense`, the robot's own tick, :meth:`apply`, :meth:`step`. After the last
     step comes one more :meth:`sense`. However a run ends, the last call is :meth:`apply` with all motors coasting.
@@ -127,9 +127,9 @@ def check_scenario(scenario: Scenario, world: ExternalWorld) -> None:
     asked += [f"plant {scenario.plant}"] if scenario.plant != DEFAULT_PLANT else []
     if asked:
         raise ExternalWorldInputError(
-            f"{scenario.source}: {', '.join(asked)}: not with an external world, whose motors, wheels and floor are "
-            "its own",
-            hint="take that out of the scenario, or simulate it in your world",
+            f"{scenario.source}: {', '.join(asked)}: not possible with an external world, which models motors, "
+            "wheels and floor itself",
+            hint="remove it from the scenario, or simulate it in your world",
         )
 
 
@@ -141,7 +141,9 @@ def load_world(place: str, scenario: Scenario) -> ExternalWorld:
     """
     short, colon, file = place.partition(":")
     if short in SHORT_NAMES and colon and not file:
-        raise ExternalWorldInputError(f"--world {place}: a file is missing after the colon", hint=f"or write {short}")
+        raise ExternalWorldInputError(
+            f"--world {place}: the file name after the colon is missing", hint=f"or write {short}"
+        )
     module_name, _, class_name = SHORT_NAMES.get(short, place).partition(":")
     if not module_name or not class_name.isidentifier():
         known = ", ".join(SHORT_NAMES)
@@ -151,7 +153,7 @@ def load_world(place: str, scenario: Scenario) -> ExternalWorld:
     if missing:
         raise ExternalWorldInputError(
             f"--world {place}: {class_name} has no method {', '.join(missing)}",
-            hint=f"a world has {', '.join(METHODS)}; docs/guides/external-worlds.md says what each does",
+            hint=f"a world has {', '.join(METHODS)}; docs/guides/external-worlds.md describes them",
         )
     if short in SHORT_NAMES:
         packaged: ExternalWorld = kind(scenario, Path(file)) if file else kind(scenario)
@@ -165,7 +167,7 @@ def load_world(place: str, scenario: Scenario) -> ExternalWorld:
     notes = getattr(world, "notes", ())
     if isinstance(notes, str) or not isinstance(notes, Iterable) or not all(isinstance(line, str) for line in notes):
         raise ExternalWorldInputError(
-            f"--world {place}: {class_name}.notes is {notes!r}; a list of sentences is needed, or none"
+            f"--world {place}: {class_name}.notes is {notes!r}; must be a list of sentences, or none"
         )
     return world
 
@@ -192,7 +194,7 @@ def _module(place: str, name: str) -> Any:
         return importlib.import_module(name)
     except (Exception, SystemExit) as error:
         if isinstance(error, ModuleNotFoundError) and f"{name}.".startswith(f"{error.name}."):
-            message, hint = f"there is no module {name}", "give it as Python imports it, from the folder where it is"
+            message, hint = f"unknown module {name}", "give the module's import name, and run the command in its folder"
         else:
             message, hint = f"importing {name} failed: {_said(error)}", _where(error)
         raise ExternalWorldInputError(f"--world {place}: {message}", hint=hint) from error
@@ -284,7 +286,7 @@ class OutsideWorld(World):
 
     def step(self, ticks: int = 1, step_us: int = TICK_US) -> None:
         """Refuse: it steps in lockstep only."""
-        raise NotImplementedError("an external world steps in lockstep with a robot")
+        raise NotImplementedError("an external world needs a robot in lockstep")
 
     def _step(self) -> None:
         duty, coast = self._motors
@@ -315,7 +317,7 @@ class OutsideWorld(World):
         outside.pose = self._numbers("pose", sensed.pose, 3)
         (outside.supply_V,) = self._numbers("supply_V", (sensed.supply_V,), 1)
         if outside.supply_V < 0.0:
-            raise self._wrong(f"gave supply_V {sensed.supply_V}; allowed is 0 (not measured) or more")
+            raise self._wrong(f"gave supply_V {sensed.supply_V}; must be 0 (not measured) or more")
         for field in ("wheel_rad_s", "current_A"):
             values = getattr(sensed, field)
             told = [_UNKNOWN] * wheels if values is None else self._numbers(field, values, wheels)
@@ -328,10 +330,10 @@ class OutsideWorld(World):
             return
         if self.c.config.fix_rate_Hz > 0.0:
             message = "gave a fix, but the scenario has a pose sensor, too (world.fix_rate_Hz)"
-            raise self._wrong(message, hint="take one of them: --set world.fix_rate_Hz=0, or no fixes from the world")
+            raise self._wrong(message, hint="use one of them: --set world.fix_rate_Hz=0, or no fixes from the world")
         taken_s, *pose = self._numbers("fix", [fix.taken_s, fix.x_m, fix.y_m, fix.theta_rad], 4)
         if not 0.0 <= taken_s <= self._now_s + 1e-9:
-            raise self._wrong(f"gave a fix taken at {taken_s:g} s; allowed is 0 to now, {self._now_s:g} s")
+            raise self._wrong(f"gave a fix taken at {taken_s:g} s; must be 0 to now, {self._now_s:g} s")
         self._outside.fix_taken_us = round(taken_s * 1e6)
         self._outside.fix = pose
 
@@ -342,9 +344,9 @@ class OutsideWorld(World):
         try:
             whole = list(map(operator.index, values))
         except TypeError:
-            raise self._wrong(f"gave counts {values}; they are whole numbers, of type int") from None
+            raise self._wrong(f"gave counts {values}; must be of type int") from None
         if max(map(abs, whole)) > _COUNTS_MAX:
-            raise self._wrong(f"gave counts {whole}; allowed is up to 2^53")
+            raise self._wrong(f"gave counts {whole}; must be at most 2^53")
         return list(map(float, whole))
 
     def _numbers(self, what: str, given: Any, count: int) -> list[float]:
@@ -352,9 +354,9 @@ class OutsideWorld(World):
         if len(values) != count:
             raise self._wrong(f"gave {len(values)} numbers as {what}; {count} are needed")
         if not all(map(math.isfinite, values)):
-            raise self._wrong(f"gave {what} {', '.join(map(str, values))}; every number has to be finite")
+            raise self._wrong(f"gave {what} {', '.join(map(str, values))}; all numbers must be finite")
         if max(map(abs, values)) > _LARGEST:
-            raise self._wrong(f"gave {what} {', '.join(map(str, values))}; allowed is up to {_LARGEST:g}")
+            raise self._wrong(f"gave {what} {', '.join(map(str, values))}; must be at most {_LARGEST:g}")
         return values
 
     def _wrong(self, message: str, hint: str = "") -> ExternalWorldError:

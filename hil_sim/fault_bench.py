@@ -106,7 +106,7 @@ def command(loop: HilLoop, name: str) -> None:
 
 
 def start_driving(loop: HilLoop, drive: str) -> None:
-    """Arm and drive: turn on the spot by velocity set-points, or round a circle by the on-board trajectory."""
+    """Arm and drive: turn on the spot by velocity setpoints, or round a circle by the on-board trajectory."""
     if drive == CIRCLE:
         command(loop, "trajectory_start")
     command(loop, "arm")
@@ -121,12 +121,12 @@ def run_case(case: FaultCase, firmware: Firmware = FirmwareProcess) -> FaultResu
         start_driving(loop, case.drive)
         chunks = [loop.advance(round(FAULT_S * 1e3) - loop.ticks)]
         chunks.append(loop.advance(round(case.lasts_s * 1e3)))
-        moved = _way_back(case, loop, chunks)
+        moved = _recovery(case, loop, chunks)
         texts = tuple(text.text for text in loop.robot.texts.all)
         return _result(case, np.concatenate(chunks), texts, moved, loop.values)
 
 
-def _way_back(case: FaultCase, loop: HilLoop, chunks: list[NDArray[Any]]) -> float:
+def _recovery(case: FaultCase, loop: HilLoop, chunks: list[NDArray[Any]]) -> float:
     """Stop, arm and drive again if the robot stopped; return the largest duty while it drives after the fault."""
     chunks.append(loop.advance(20))
     if case.stops is not None:

@@ -69,8 +69,8 @@ class FaultCase:
 
 CASES: tuple[FaultCase, ...] = (
     FaultCase(
-        "set_points_stop",
-        "set-points stop coming",
+        "setpoints_stop",
+        "setpoints stop coming",
         (Kind("link_silence"),),
         "command loss",
         "SAFE_CMD_TO",

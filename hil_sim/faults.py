@@ -33,7 +33,7 @@ class Fault:
 
     def __post_init__(self) -> None:
         if self.name not in KINDS:
-            raise ValueError(f"fault {self.name!r} is unknown; allowed are {', '.join(KINDS)}")
+            raise ValueError(f"fault {self.name!r} is unknown; must be one of {', '.join(KINDS)}")
 
     @property
     def kind(self) -> int:

@@ -70,7 +70,7 @@ _UNHEARD = (
     mavlink.MAVLINK_MSG_ID_OMNI_STATUS,
     mavlink.MAVLINK_MSG_ID_OMNI_HEALTH,
 )
-"""Streams that nobody here listens to while ticks run: logged, not decoded."""
+"""Streams that are logged, but not decoded while ticks run."""
 _STATUS_ID = mavlink.MAVLINK_MSG_ID_OMNI_STATUS.to_bytes(3, "little")
 
 
@@ -78,7 +78,7 @@ class AfterRunError(RunError):
     """``run`` is over and good; then its log could not be finished, or the robot not be given back."""
 
     def __init__(self, run: Run, error: OmniError) -> None:
-        super().__init__(f"the run is over, but then: {error}", hint=error.hint)
+        super().__init__(f"error after the end of the run: {error}", hint=error.hint)
         self.run = run
 
 
@@ -348,8 +348,8 @@ def _free(robot: Robot) -> None:
     try:
         robot.leave_hil()
     except CommandRefusedError as error:
-        hint = "start that firmware without --lockstep: a run puts it into host-in-the-loop by itself"
-        raise RunError(f"the firmware behind {robot.url} is not free for a run: {error}", hint=hint) from error
+        hint = "start that firmware without --lockstep: the run enables host-in-the-loop itself"
+        raise RunError(f"the firmware behind {robot.url} cannot be used for a run: {error}", hint=hint) from error
 
 
 def _give_back(robot: Robot, values: Mapping[str, float]) -> None:

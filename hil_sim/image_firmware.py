@@ -65,7 +65,7 @@ def _by_connector(links: Sequence[str]) -> dict[str, str]:
         if not equals:
             connector, rest = "usb", link
         if connector not in CONNECTORS:
-            raise FirmwareStartError(f"link '{link}': usb=LINK or uart=LINK is needed")
+            raise FirmwareStartError(f"link '{link}'; must be usb=LINK or uart=LINK")
         if connector in named:
             raise FirmwareStartError(f"link '{link}': the board has one connector {connector}")
         named[connector] = rest

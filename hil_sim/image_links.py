@@ -30,7 +30,7 @@ class ImagePort(ABC):
 
     @property
     def session(self) -> int:
-        """Number of the client that is there, 0: nobody; looks anew at every call."""
+        """Number of the connected client, 0: none; polled at every call."""
         before, self._in_session = self._in_session, self.connected
         self._sessions += int(self._in_session and not before)
         return self._sessions if self._in_session else 0
@@ -155,7 +155,7 @@ class TerminalPort(ImagePort):
         """Return what was written to the terminal."""
         try:
             return os.read(self._master, _READ_SIZE)
-        except OSError:  # nothing there, or nobody
+        except OSError:  # no data, or no client
             return b""
 
     def _send(self, data: bytes) -> int:
@@ -167,7 +167,7 @@ class TerminalPort(ImagePort):
             return len(data)
 
     def wait(self, timeout_s: float | None) -> None:
-        """Sleep until something has come; while nobody is there, in short naps: a terminal can't be waited for."""
+        """Sleep until bytes arrive; without a client in short naps, as a terminal cannot be waited for."""
         if self.connected:
             self._poll.poll(None if timeout_s is None else timeout_s * 1e3)
         else:
@@ -202,5 +202,5 @@ def open_port(link: str) -> ImagePort:
         return TerminalPort(address)
     host, _, port = address.rpartition(":")
     if kind != "tcp" or not host or not port.isdigit() or int(port) > 65535:
-        raise FirmwareStartError(f"link '{link}': tcp:HOST:PORT with a port 0..65535, or pty[:SYMLINK], is needed")
+        raise FirmwareStartError(f"link '{link}'; must be tcp:HOST:PORT with a port from 0 to 65535, or pty[:SYMLINK]")
     return TcpPort(host, int(port))

@@ -52,7 +52,7 @@ CLOSED_NS = 50_000_000
 MAX_WAITING = 1 << 16
 _ANSWER = mavlink.MAVLINK_MSG_ID_OMNI_HIL_ACTUATORS
 _ENDINGS = {
-    Stop.REFUSED: "the emulated chip can't go on",
+    Stop.REFUSED: "the emulated chip cannot continue",
     Stop.UPLOAD: "the program jumped to the uploader",
     Stop.POWER: "the power was cut",
 }
@@ -123,12 +123,12 @@ class Server:
             self._take_output()
             slices += 1
             if slices % SAVE_SLICES == 0:
-                self.look_after()
+                self.supervise()
             if stop in _ENDINGS:
                 return self._end(stop)
             if not self._answered:
-                self._keep_pace()
-        self.look_after()
+                self._pace()
+        self.supervise()
         return 0
 
     def _follow_client(self) -> None:
@@ -181,14 +181,14 @@ class Server:
     def _start_clock(self) -> None:
         self._zero_s = time.monotonic() - self._machine.time_s
 
-    def _keep_pace(self) -> None:
+    def _pace(self) -> None:
         ahead_s = self._machine.time_s - (time.monotonic() - self._zero_s)
         if ahead_s > 0.0:
             time.sleep(ahead_s)
         elif ahead_s < -LAG_S:
             self._start_clock()
 
-    def look_after(self) -> None:
+    def supervise(self) -> None:
         """Write the parameter memory to its file if it has changed, and tell what is new among the findings."""
         content = self._machine.storage
         if self._storage is not None and content != self._saved:
@@ -200,7 +200,7 @@ class Server:
         self._told = len(findings)
 
     def _end(self, stop: Stop) -> int:
-        self.look_after()
+        self.supervise()
         why = self._machine.why
         print(_ENDINGS[stop] + (f": {why}" if why else ""), file=sys.stderr, flush=True)
         return 1
@@ -222,7 +222,7 @@ class StorageFile:
         if len(content) in (0, STORAGE_SIZE):
             return content or None
         raise FirmwareStartError(
-            f"--storage {self._path}: {len(content)} bytes are no parameter memory of {STORAGE_SIZE}"
+            f"--storage {self._path}: {len(content)} bytes do not fit the parameter memory of {STORAGE_SIZE}"
         )
 
     def write(self, content: bytes) -> None:
@@ -237,7 +237,7 @@ class StorageFile:
 
 
 def end_with_stdin(end: Callable[[], None]) -> None:
-    """Call ``end`` when standard input ends: whoever started this has gone."""
+    """Call ``end`` when standard input is closed: the parent has ended."""
 
     def wait() -> None:
         while sys.stdin.buffer.read(256):
@@ -251,15 +251,19 @@ def _arguments(words: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m hil_sim.image_process", description=__doc__)
     parser.add_argument("image", type=Path, help="ELF or Intel hex file")
     parser.add_argument("--usb", metavar="LINK", help="tcp:HOST:PORT or pty[:SYMLINK]")
-    parser.add_argument("--uart", metavar="LINK", help="the same for Serial1, the radio's port")
-    parser.add_argument("--robot", default="three_wheel", help="robot file: what is wired to which pin")
-    parser.add_argument("--scenario", help="the world at the pins; without it nothing turns the encoders")
-    parser.add_argument("--world-robot", help="the robot that is really there, if it is another one")
+    parser.add_argument(
+        "--uart", metavar="LINK", help="link of Serial1, the radio's port: tcp:HOST:PORT or pty[:SYMLINK]"
+    )
+    parser.add_argument("--robot", default="three_wheel", help="robot file with the wiring")
+    parser.add_argument("--scenario", help="scenario of the world at the pins; without it the wheels stand still")
+    parser.add_argument("--world-robot", help="robot to simulate, if different")
     parser.add_argument("--seed", type=int)
-    parser.add_argument("--storage", type=Path, help="file that keeps the parameter memory")
-    parser.add_argument("--lockstep", action="store_true", help="stand still while a host in the loop thinks")
-    parser.add_argument("--end-with-stdin", action="store_true", help="end when standard input does")
-    parser.add_argument("--instruction-ns", type=int, default=Options.instruction_ns, help="time of an instruction")
+    parser.add_argument("--storage", type=Path, help="file of the stored parameters")
+    parser.add_argument(
+        "--lockstep", action="store_true", help="stop the simulated time while the host in the loop computes"
+    )
+    parser.add_argument("--end-with-stdin", action="store_true", help="end when standard input is closed")
+    parser.add_argument("--instruction-ns", type=int, default=Options.instruction_ns, help="duration of an instruction")
     return parser.parse_args(words)
 
 

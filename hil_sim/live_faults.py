@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What can be broken in a world that runs in real time, in words for somebody who sees the robot for the first time.
+"""Faults of a world that runs in real time, with texts for users who are new to the robot.
 
 What the robot does about it is derived from :mod:`hil_sim.fault_cases`, which tests hold to the real firmware.
 """
@@ -61,47 +61,47 @@ def _of_case(group: str, words: str, case_name: str, kind: str | None = None, la
 
 
 _ENCODERS, _MOTORS, _POWER = "Encoders", "Motors and wheels", "Supply and motor driver"
-_POSES, _GYRO, _FLOW, _OTHERS = "Pose fixes", "Gyro", "Floor-motion sensor", "Floor, button, clock"
+_POSES, _GYRO, _FLOW, _OTHERS = "Pose fixes", "Gyro", "Floor odometry sensor", "Floor, button, clock"
 
 LIVE_FAULTS: tuple[LiveFault, ...] = (
-    _of_case(_ENCODERS, "Pull the encoder's plug: it counts no more", "encoder_stuck"),
-    _of_case(_ENCODERS, "Reverse the encoder: it counts backwards", "encoder_reversed"),
-    _of_case(_ENCODERS, "Dead encoder: it reports that it is", "encoder_dead"),
-    _of_case(_ENCODERS, "Noise on the encoder's wires: wild counts", "encoder_wild"),
+    _of_case(_ENCODERS, "Encoder unplugged: it stops counting", "encoder_stuck"),
+    _of_case(_ENCODERS, "Encoder reversed: it counts backwards", "encoder_reversed"),
+    _of_case(_ENCODERS, "Encoder error: it reports its failure", "encoder_dead"),
+    _of_case(_ENCODERS, "Noise on the encoder's wires: random counts", "encoder_wild"),
     _of_case(_ENCODERS, "One bit of the encoder's counter is stuck", "encoder_bit"),
-    _of_case(_MOTORS, "Dead motor: its wire is off", "motor_dead"),
+    _of_case(_MOTORS, "Motor disconnected", "motor_dead"),
     _of_case(_MOTORS, "Blocked wheel", "motor_stalled"),
     LiveFault(
         "wheel_turned",
         _MOTORS,
-        "A hand turns the wheel, half a turn per second",
+        "Wheel turned from outside, 0.5 turns per second",
         "The encoder counts. A robot that drives may stop.",
         math.pi,
     ),
-    _of_case(_POWER, "Dead battery: the supply sags", "battery_low"),
-    _of_case(_POWER, "I2C bus stuck: the motor driver cannot be reached", "i2c_stuck"),
-    _of_case(_POWER, "The motor driver's chip does not answer", "i2c_nack"),
+    _of_case(_POWER, "Empty battery: the supply voltage drops", "battery_low"),
+    _of_case(_POWER, "I2C bus stuck: the motor driver is unreachable", "i2c_stuck"),
+    _of_case(_POWER, "The motor driver's chip does not acknowledge", "i2c_nack"),
     _of_case(_POWER, "The motor driver's chip has no power", "brown_out", "chip_power"),
     _of_case(_POSES, "Pose fixes stop: the camera is covered", "pose_lost"),
     _of_case(
         _POSES,
         "Pose fixes jump by 0.5 m",
         "pose_jump",
-        later="If that lasts, it takes them for true and stops: failsafe: tracking.",
+        later="If the offset lasts, the estimator accepts them and the robot stops: failsafe: tracking.",
     ),
-    _of_case(_POSES, "Pose fixes freeze: the same again and again", "pose_frozen"),
+    _of_case(_POSES, "Pose fixes freeze: the last one is repeated", "pose_frozen"),
     _of_case(_POSES, "Pose fixes come 0.1 s late", "pose_late"),
-    _of_case(_GYRO, "The gyro falls silent", "gyro_silent"),
+    _of_case(_GYRO, "The gyro stops sending", "gyro_silent"),
     _of_case(_GYRO, "The gyro repeats its last reading", "gyro_stuck"),
     _of_case(_GYRO, "The gyro's readings are off by 90 rad/s, beyond its range", "gyro_saturated"),
-    _of_case(_FLOW, "The floor-motion sensor falls silent", "flow_silent"),
-    _of_case(_FLOW, "The floor-motion sensor says that nothing moves", "flow_stuck"),
-    _of_case(_FLOW, "The floor-motion sensor's readings are off by 20 mm", "flow_jump"),
+    _of_case(_FLOW, "The floor odometry sensor stops sending", "flow_silent"),
+    _of_case(_FLOW, "The floor odometry sensor reports no motion", "flow_stuck"),
+    _of_case(_FLOW, "The floor odometry sensor's readings are off by 20 mm", "flow_jump"),
     LiveFault(
         ICE,
         _OTHERS,
         "Ice: the wheels slip",
-        "The wheels spin, and the robot slides off its path. Far off it stops: failsafe: tracking.",
+        "The wheels spin, and the robot slides off its path. If the error grows, it stops: failsafe: tracking.",
         ICE_FRICTION,
     ),
     _of_case(_OTHERS, "Stop button pressed, or its wire cut", "stop_button"),

@@ -109,12 +109,12 @@ class LiveWorld:
             on.append({"fault": ICE, "wheel": None})
         return {"on": on, "speed": self.speed}
 
-    def obey(self, line: str) -> None:
+    def apply_command(self, line: str) -> None:
         """Do what one line asks for. Raises CommandLineError; then nothing has changed."""
         try:
             self._do(_parsed(line))
         except SchemaError as error:
-            raise CommandLineError(f"{error}. Nothing was changed") from error
+            raise CommandLineError(f"{error}. No fault or speed was changed") from error
 
     def _do(self, command: Mapping[str, Any]) -> None:
         kind = next(iter(kind for kind in _KINDS if kind in command), None)
@@ -126,19 +126,19 @@ class LiveWorld:
         elif kind == "mend":
             refuse_unknown_keys("command", "", command, ["mend"])
             if command["mend"] is not True:
-                raise SchemaError("command", "mend", f"is {command['mend']!r}; only true is allowed")
-            self._mend()
+                raise SchemaError("command", "mend", f"is {command['mend']!r}; must be true")
+            self._clear_faults()
         else:
             raise SchemaError("command", "", f"has none of {', '.join(_KINDS)}")
 
     def _set_speed(self, speed: object) -> None:
         if isinstance(speed, bool) or not isinstance(speed, int | float) or speed not in SPEEDS:
             allowed = ", ".join(f"{one:g}" for one in SPEEDS)
-            raise SchemaError("command", "speed", f"is {speed!r}; allowed are {allowed}")
+            raise SchemaError("command", "speed", f"is {speed!r}; must be one of {allowed}")
         self.speed = float(speed)
         self._link.set_realtime_factor(self.speed)
 
-    def _mend(self) -> None:
+    def _clear_faults(self) -> None:
         now_s = self._world.time_s
         self._set_faults([fault for fault in self._faults if fault.start_s > now_s])
         self._set_icy(False)
@@ -159,7 +159,7 @@ class LiveWorld:
 
     def _set_faults(self, faults: Sequence[Fault]) -> None:
         if len(faults) > MAX_FAULTS:
-            raise SchemaError("command", "fault", f"is one too many: at most {MAX_FAULTS} can be on")
+            raise SchemaError("command", "fault", f"is one too many: at most {MAX_FAULTS} can be active")
         self._world.set_faults(faults)
         self._faults = list(faults)
 
@@ -172,22 +172,22 @@ class LiveWorld:
         name, on, wheel = command["fault"], command.get("on"), command.get("wheel")
         if not isinstance(name, str) or name not in self._known:
             hint = did_you_mean(name, self._known) if isinstance(name, str) else ""
-            raise SchemaError("command", "fault", f"is {name!r}{hint}; here are {', '.join(self._known)}")
+            raise SchemaError("command", "fault", f"is {name!r}{hint}; must be one of {', '.join(self._known)}")
         if not isinstance(on, bool):
-            raise SchemaError("command", "on", f"is {on!r}; true or false is needed")
+            raise SchemaError("command", "on", f"is {on!r}; must be true or false")
         if not _has_wheel(name):
             if wheel is not None:
-                raise SchemaError("command", "wheel", f"does not apply for {name}")
+                raise SchemaError("command", "wheel", f"does not apply to {name}")
             return _Switch(name, None, on, self._value(self._known[name], command.get("value")))
         if isinstance(wheel, bool) or not isinstance(wheel, int) or not 1 <= wheel <= self._world.wheels:
-            raise SchemaError("command", "wheel", f"is {wheel!r}; a wheel from 1 to {self._world.wheels} is needed")
+            raise SchemaError("command", "wheel", f"is {wheel!r}; must be a wheel from 1 to {self._world.wheels}")
         return _Switch(name, wheel - 1, on, self._value(self._known[name], command.get("value")))
 
     def _value(self, fault: LiveFault, value: object) -> float:
         allowed = _allowed(fault.name)
         if value is not None:
             if allowed is None:
-                raise SchemaError("command", "value", f"does not apply for {fault.name}")
+                raise SchemaError("command", "value", f"does not apply to {fault.name}")
             return allowed.parse("command", "value", value)
         if fault.name == "battery_sag" and self._least_supply_V > 0.0 and fault.value is not None:
             return min(fault.value, _BELOW_LIMIT * self._least_supply_V)
@@ -210,9 +210,9 @@ def _parsed(line: str) -> Mapping[str, Any]:
         command = json.loads(line)
     except (ValueError, RecursionError) as error:
         shown = line if len(line) <= 60 else f"{line[:60]} ..."
-        raise SchemaError("command", "", f"{shown.strip()!r} is no JSON") from error
+        raise SchemaError("command", "", f"{shown.strip()!r} is not JSON") from error
     if not isinstance(command, dict):
-        raise SchemaError("command", "", "is no JSON object")
+        raise SchemaError("command", "", "is not a JSON object")
     if any(isinstance(value, float) and not math.isfinite(value) for value in command.values()):
         raise SchemaError("command", "", "has a number that is not finite")
     if sum(kind in command for kind in _KINDS) > 1:

@@ -32,15 +32,15 @@ once."""
 ROBOT_TICK_TIMEOUT_S = 5.0
 """Wall time for one tick of a robot behind a cable."""
 PATIENCE_S = 60.0
-"""Simulated time after which whoever still talks over a :class:`SteppedLink` gets Ctrl-C, unless told otherwise."""
+"""Default simulated time after which a user of a :class:`SteppedLink` gets Ctrl-C."""
 LOG_BYTES = 8 * lib.HIL_LOCKSTEP_RX
 Waiting = Literal["looking", "asleep", "measured"]
 LOOKING: Waiting = "looking"
 ASLEEP: Waiting = "asleep"
 MEASURED: Waiting = "measured"
 _WHY_OUTSIDE = (
-    "another program took it out, or a stop came while this computer was late by a second; release the emergency stop "
-    "if there was one, and start again"
+    "another program ended it, or an e-stop was received while this computer was late by a second; "
+    "release the e-stop if there was one, and restart"
 )
 
 
@@ -115,7 +115,7 @@ class LockstepLink:
         return data
 
     def drop_received(self) -> None:
-        """Drop what the robot sent, for runs that nobody listens to."""
+        """Drop the robot's bytes, for runs without a listener."""
         self._lockstep.rx_length = 0
 
     def serve_every(self, ticks: int, skipped: Sequence[int], log_epoch_us: int | None) -> None:
@@ -134,7 +134,7 @@ class LockstepLink:
             self._lockstep.log_epoch_us = log_epoch_us
 
     def run_served(self, ticks: int, take: Callable[[Served], None]) -> None:
-        """Run ticks like :meth:`run`; ``take`` gets what was looked after. The rest stays for whoever reads next."""
+        """Run ticks like :meth:`run`; ``take`` gets the watched messages. The rest stays for the next reader."""
         self._lockstep.serve_ticks = self._serve_ticks
         try:
             self.run(ticks, lambda: take(self.serve()))
@@ -205,16 +205,18 @@ class LockstepLink:
     def _error(self, result: int) -> LinkError:
         after = f"after {self.ticks} ticks"
         if result == lib.HIL_ERR_TIMEOUT:
-            message = f"the robot did not answer within {self._lockstep.timeout_s:g} s {after}"
-            return LinkTimeoutError(message, hint="is it in host-in-the-loop, and nothing else connected to this link?")
+            message = f"the robot did not respond within {self._lockstep.timeout_s:g} s {after}"
+            return LinkTimeoutError(
+                message, hint="check that it is in host-in-the-loop and no other program uses this link"
+            )
         if result == lib.HIL_ERR_OUTSIDE:
             return OutsideLoopError(f"the robot has left host-in-the-loop {after}", hint=_WHY_OUTSIDE)
         if result == lib.HIL_ERR_PROTOCOL:
-            message = f"the robot's answer does not fit the tick it was asked for, {after}"
+            message = f"the robot's reply does not match the requested tick, {after}"
             return LinkError(
-                message, hint="do firmware and this package have the same version? `omni doctor` shows both"
+                message, hint="check that firmware and package have equal versions: `omni doctor` shows both"
             )
-        return LinkLostError(f"the robot closed the link {after}", hint="did the firmware end or restart?")
+        return LinkLostError(f"the robot closed the link {after}", hint="check whether the firmware ended or restarted")
 
 
 class SteppedLink(LockstepLink):

@@ -63,7 +63,7 @@ def loops(seconds: float, seed: int = 1, *, compared: bool = False, name: str = 
     scenario = replace(load_scenario(name), duration_s=seconds, seed=seed)
     found = {"hil": Loop("firmware process in the loop, lockstep over TCP", 30.0, lambda: _of(run_hil(scenario)))}
     if compared:
-        words = "the same, both ends asleep while they wait"
+        words = "firmware process in the loop, both ends sleeping while they wait"
         found["hil_asleep"] = Loop(words, None, lambda: _of(run_hil(scenario, waiting=ASLEEP)))
     if name == SCENARIO and find_spec("mujoco") is not None:
         found["mujoco"] = Loop("firmware process and MuJoCo's world", 10.0, lambda: _of(_with_mujoco(scenario)))

@@ -136,7 +136,7 @@ def _table(source: str, name: str, given: object, ranges: Mapping[str, tuple[flo
     numbers = {key: number_within(source, f"{name}.{key}", value, *ranges[key]) for key, value in table.items()}
     for key in set(numbers) & set(_WHOLE):
         if numbers[key] != int(numbers[key]):
-            raise SchemaError(source, f"{name}.{key}", f"is {numbers[key]}; a whole number is needed")
+            raise SchemaError(source, f"{name}.{key}", f"is {numbers[key]}; must be a whole number")
     return {key: int(number) if key in _WHOLE else number for key, number in numbers.items()}
 
 
@@ -149,8 +149,8 @@ def _patch(source: str, key: str, entry: Any) -> Patch:
 
 def _span(source: str, key: str, value: object) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
-        raise SchemaError(source, key, f"is {value!r}; two numbers are needed: from, to")
+        raise SchemaError(source, key, f"is {value!r}; must be two numbers: from, to")
     low, high = (number_within(source, key, item, -1e6, 1e6) for item in value)
     if low >= high:
-        raise SchemaError(source, key, f"is {value!r}; the first has to be the smaller one")
+        raise SchemaError(source, key, f"is {value!r}; the first must be smaller")
     return low, high

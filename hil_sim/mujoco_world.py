@@ -242,9 +242,9 @@ class MujocoWorld:
             near = abs(math.remainder(part.angle_rad - angle + 0.5 * math.pi, 2.0 * math.pi)) < reach
             if near != chosen[number]:
                 chosen[number] = near
-                self._let_touch(wheel, number, near)
+                self._enable_contact(wheel, number, near)
 
-    def _let_touch(self, wheel: int, number: int, near: bool) -> None:
+    def _enable_contact(self, wheel: int, number: int, near: bool) -> None:
         pin, geom, model = self._pins[wheel][number], self._rollers[wheel][number], self.model
         body = model.geom_bodyid[geom]
         dry_N_m = self.parts.wheels[wheel].drag * self.parts.roller_dry_N_m
@@ -280,8 +280,8 @@ def _library() -> Any:
 def _refuse_play(scenario: Scenario, config: Any) -> None:
     if config.backlash_rad > 0.0:
         raise ExternalWorldInputError(
-            f"{scenario.source}: backlash_rad is {config.backlash_rad:g}: the MuJoCo model's gears have no play",
-            hint="set backlash_rad = 0 in the scenario's [world], or use our own world",
+            f"{scenario.source}: backlash_rad is {config.backlash_rad:g}: the MuJoCo model has no backlash",
+            hint="set backlash_rad = 0 in the scenario's [world], or use the built-in world",
         )
 
 
@@ -300,7 +300,9 @@ def _notes(config: Any) -> tuple[str, ...]:
     ]
     notes = []
     if slips:
-        notes.append(f"{', '.join(slips)}: of our own world only; in MuJoCo wheels slip by what their contacts give.")
+        notes.append(f"{', '.join(slips)}: only in the built-in world; in MuJoCo slip follows from the contacts.")
     if shapes:
-        notes.append(f"{', '.join(shapes)}: of our own world only; in MuJoCo the rollers' shape and contacts decide.")
+        notes.append(
+            f"{', '.join(shapes)}: only in the built-in world; in MuJoCo the rollers' shape and contacts replace them."
+        )
     return tuple(notes)

@@ -92,13 +92,13 @@ def parse_patch(source: str, key: str, entry: dict[str, Any]) -> FloorPatch:
 def parse_patches(source: str, entries: Sequence[dict[str, Any]]) -> tuple[FloorPatch, ...]:
     """Read all entries of ``[[patch]]``. Raises SchemaError."""
     if len(entries) > MAX_PATCHES:
-        raise SchemaError(source, "patch", f"there are {len(entries)}; at most {MAX_PATCHES} are allowed")
+        raise SchemaError(source, "patch", f"has {len(entries)} entries; must be at most {MAX_PATCHES}")
     return tuple(parse_patch(source, f"patch[{number}]", entry) for number, entry in enumerate(entries, 1))
 
 
 def _pair(source: str, key: str, value: object) -> tuple[float, float]:
     if not isinstance(value, list) or len(value) != 2:
-        raise SchemaError(source, key, f"is {value!r}; a list of two numbers is needed")
+        raise SchemaError(source, key, f"is {value!r}; must be a list of two numbers")
     first, second = (
         number_within(source, f"{key}[{i + 1}]", item, -FARTHEST_m, FARTHEST_m) for i, item in enumerate(value)
     )

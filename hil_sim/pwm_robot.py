@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """The four-wheel robot and its cameras, simulated: a stream of poses and a radio for PWM lines in one.
 
-Time is simulated: it goes on while somebody waits in :meth:`SimulatedRobot.read`, so equal runs give equal numbers.
+Time is simulated: it advances while a caller waits in :meth:`SimulatedRobot.read`, so equal runs give equal numbers.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class SimulatedArduino:
 class SimulatedRobot:
     """The robot in the simulated world: a :class:`~omniwheel.mocap.source.MocapSource` and a Link.
 
-    PWM is taken as the duty of a drive-brake bridge. ``dead_band_pwm`` is the PWM up to which the wheels stand
+    PWM is taken as the duty of a drive-brake bridge. ``deadband_pwm`` is the PWM up to which the wheels stand
     (by Coulomb friction). ``radio_delay_s`` is what the radio adds to the time that the bytes take at ``baud``.
     """
 
@@ -73,7 +73,7 @@ class SimulatedRobot:
         cameras: Cameras = DEFAULT_CAMERAS,
         baud: float = DEFAULT_BAUD,
         radio_delay_s: float = 0.008,
-        dead_band_pwm: float = 0.0,
+        deadband_pwm: float = 0.0,
         slip_max: float = 0.0,
         silence_s: float | None = None,
         faults: Sequence[Fault] = (),
@@ -86,9 +86,9 @@ class SimulatedRobot:
         config = world_config(
             robot, seed=seed, slip_max=slip_max, pose_sensor=sensor, start_pose=start_pose, faults=faults
         )
-        if dead_band_pwm > 0.0:
+        if deadband_pwm > 0.0:
             stall_N_m = config.battery_V * config.motor_constant_N_m_A / config.motor_resistance_ohm
-            config.motor_coulomb_N_m = stall_N_m * dead_band_pwm / FULL_PWM
+            config.motor_coulomb_N_m = stall_N_m * deadband_pwm / FULL_PWM
         self.world = World(config)
         self._byte_s = BITS_PER_BYTE / baud
         self._radio_delay_s = radio_delay_s

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from hil_sim.metrics import PHASE_PATH, on_path, pose_error
 from omniwheel.files import save_picture
-from omniwheel.plain import shown
+from omniwheel.number_text import shown
 from omniwheel.plot_style import HEADING, INK, MARK, STYLE, TRUTH, WANTED, WHEEL_COLOURS
 
 WIDTH_PX, HEIGHT_PX, DPI = 1600, 1200, 120

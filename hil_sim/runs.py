@@ -122,13 +122,13 @@ class Player:
 def refusal(status: int, faults: int) -> OmniError:
     """Return the error that says why a run with this ``hil_run_status_t`` could not start or go on."""
     if status == lib.HIL_RUN_ARMING:
-        return RunError(f"the robot refuses to arm: {', '.join(core.fault_names(faults))}")
+        return RunError(f"arming was rejected: {', '.join(core.fault_names(faults))}")
     return CoreError(_REFUSALS[status])
 
 
 _REFUSALS = {
-    lib.HIL_RUN_WORLD: "the world that the dispersion gives makes no sense; narrow its [dispersion]",
-    lib.HIL_RUN_PARAMETERS: "a change of parameters is refused by the core",
+    lib.HIL_RUN_WORLD: "the world drawn from [dispersion] is invalid; narrow its ranges",
+    lib.HIL_RUN_PARAMETERS: "the core rejected a change of parameters",
     lib.HIL_RUN_TRAJECTORY: PLAN_REFUSED,
     lib.HIL_RUN_ENDLESS: core.ENDLESS,
 }

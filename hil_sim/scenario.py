@@ -123,9 +123,7 @@ class Scenario:
         if seed is None:
             return self
         if not 0 <= seed <= MAX_SEED:
-            raise SchemaError(
-                self.source, "scenario.seed", f"is {seed}; allowed is a whole number from 0 to {MAX_SEED}"
-            )
+            raise SchemaError(self.source, "scenario.seed", f"is {seed}; must be a whole number from 0 to {MAX_SEED}")
         return replace(self, seed=seed)
 
     def with_plant(self, plant: str | None) -> Scenario:
@@ -178,8 +176,8 @@ def find_scenario(name_or_path: str) -> Path:
         raise SchemaError(
             name_or_path,
             "",
-            f"no such scenario{guess}; there are {', '.join(names)}",
-            hint="give one of these names, or a .toml file of your own; `omni hil --list` says what each is",
+            f"unknown scenario{guess}; known are {', '.join(names)}",
+            hint="give one of these names, or a .toml file of your own; `omni hil --list` describes them",
         )
     return path
 
@@ -250,7 +248,7 @@ def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> 
     base_text = take_text(str(path), "scenario.extends", base_name)
     base_path = find_scenario(base_text if "/" not in base_text else str(path.parent / base_text))
     if base_path.resolve() in (*seen, path.resolve()):
-        raise SchemaError(str(path), "scenario.extends", f"is {base_text!r}, which leads back to this file")
+        raise SchemaError(str(path), "scenario.extends", f"is {base_text!r}, which refers back to this file")
     base = _with_base(base_path, read_toml(base_path), (*seen, path.resolve()))
     merged = dict(base)
     merged.update({key: value for key, value in document.items() if key not in _MERGED})
@@ -268,27 +266,27 @@ def _robot(source: str, name_or_path: str) -> Robot:
 
 def _text(source: str, head: Mapping[str, Any], key: str) -> str:
     if key not in head:
-        raise SchemaError(source, f"scenario.{key}", "is missing; a string is needed here")
+        raise SchemaError(source, f"scenario.{key}", "is missing; must be a string")
     return take_text(source, f"scenario.{key}", head[key])
 
 
 def _name(source: str, head: Mapping[str, Any]) -> str:
     name = _text(source, head, "name")
     if not _NAME.fullmatch(name):
-        raise SchemaError(source, "scenario.name", f"is {name!r}; allowed is a letter, then up to 63 of a-z 0-9 _")
+        raise SchemaError(source, "scenario.name", f"is {name!r}; must be a letter, then up to 63 of a-z 0-9 _")
     return name
 
 
 def _seed(source: str, value: object) -> int:
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= MAX_SEED:
-        raise SchemaError(source, "scenario.seed", f"is {value!r}; allowed is a whole number from 0 to {MAX_SEED}")
+        raise SchemaError(source, "scenario.seed", f"is {value!r}; must be a whole number from 0 to {MAX_SEED}")
     return value
 
 
 def _duration(source: str, value: object) -> float | None:
     if value == UNTIL_DONE:
         return None
-    allowed = f'allowed is "{UNTIL_DONE}" or seconds from 0.1 to {MAX_DURATION_S:g}'
+    allowed = f'must be "{UNTIL_DONE}" or seconds from 0.1 to {MAX_DURATION_S:g}'
     if isinstance(value, str):
         raise SchemaError(source, "scenario.duration_s", f"is {value!r}; {allowed}")
     return _in_range(source, "scenario.duration_s", value, 0.1, MAX_DURATION_S)
@@ -297,13 +295,13 @@ def _duration(source: str, value: object) -> float | None:
 def _in_range(source: str, key: str, value: object, low: float, high: float) -> float:
     number = take_number(source, key, value)
     if not low <= number <= high:
-        raise SchemaError(source, key, f"is {number:g}; allowed is a number from {low:g} to {high:g}")
+        raise SchemaError(source, key, f"is {number:g}; must be a number from {low:g} to {high:g}")
     return number
 
 
 def _vector(source: str, key: str, value: object) -> tuple[float, float, float]:
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 3:
-        raise SchemaError(source, key, f"is {value!r}; a list of three numbers is needed here")
+        raise SchemaError(source, key, f"is {value!r}; must be a list of three numbers")
     x, y, theta = (take_number(source, f"{key}[{i + 1}]", item) for i, item in enumerate(value))
     return x, y, theta
 
@@ -326,7 +324,7 @@ def _plant(source: str, value: object) -> str:
     name = take_text(source, "world.plant", value)
     if name not in PLANTS:
         hint = did_you_mean(name, PLANTS)
-        raise SchemaError(source, "world.plant", f"is {name!r}{hint}; allowed are {', '.join(PLANTS)}")
+        raise SchemaError(source, "world.plant", f"is {name!r}{hint}; must be one of {', '.join(PLANTS)}")
     return name
 
 
@@ -381,13 +379,13 @@ def _event(source: str, key: str, entry: dict[str, Any], robot: Robot) -> Event:
     command = take_text(source, f"{key}.command", entry["command"])
     if command not in COMMANDS:
         hint = did_you_mean(command, COMMANDS)
-        raise SchemaError(source, f"{key}.command", f"is {command!r}{hint}; allowed are {', '.join(COMMANDS)}")
+        raise SchemaError(source, f"{key}.command", f"is {command!r}{hint}; must be one of {', '.join(COMMANDS)}")
     return Event(at_s, at_progress, command=command)
 
 
 def _duty(source: str, key: str, value: object, wheels: int) -> tuple[float, ...]:
     if not isinstance(value, list) or len(value) != wheels:
-        raise SchemaError(source, key, f"is {value!r}; a list of {wheels} numbers is needed, one per wheel")
+        raise SchemaError(source, key, f"is {value!r}; must be a list of {wheels} numbers, one per wheel")
     return tuple(_in_range(source, f"{key}[{i + 1}]", item, -1.0, 1.0) for i, item in enumerate(value))
 
 
@@ -396,7 +394,7 @@ def _fault(source: str, key: str, entry: dict[str, Any], wheels: int) -> Fault:
     name = take_text(source, f"{key}.kind", entry.get("kind"))
     if name not in WORLD.faults:
         hint = did_you_mean(name, WORLD.faults)
-        raise SchemaError(source, f"{key}.kind", f"is {name!r}{hint}; allowed are {', '.join(WORLD.faults)}")
+        raise SchemaError(source, f"{key}.kind", f"is {name!r}{hint}; must be one of {', '.join(WORLD.faults)}")
     kind = WORLD.faults[name]
     if ("wheel" in entry) != kind.wheel:
         raise SchemaError(source, f"{key}.wheel", f"{'is needed' if kind.wheel else 'does not apply'} for {name}")
@@ -417,5 +415,5 @@ def _fault_value(source: str, key: str, value: object, kind: FaultKind) -> float
             raise SchemaError(source, key, f"is needed for {kind.name}")
         return kind.default
     if kind.value is None:
-        raise SchemaError(source, key, f"does not apply for {kind.name}")
+        raise SchemaError(source, key, f"does not apply to {kind.name}")
     return kind.value.parse(source, key, value)

@@ -56,7 +56,7 @@ class SimulatedRadio:
 class _Loop:
     """Runs the ticks, and takes a robot that has left host-in-the-loop back into it.
 
-    It leaves when a stop comes while the world is late, because a stop waits for nobody. Then the world stands still
+    It leaves when a stop comes while the world is late, because a stop is never delayed. Then the world stands still
     until the robot is in the loop again, which is after the emergency stop's release. A robot whose storage says that
     it was stopped is not in the loop at first.
     """
@@ -89,7 +89,7 @@ class _Loop:
 
     def _entered(self) -> bool:
         """Try once per heartbeat; what else runs the world's thread goes on meanwhile."""
-        if self._robot.connection.wait(_says_outside, POLL_S) is None:
+        if self._robot.connection.wait(_reports_external_world, POLL_S) is None:
             return False
         with suppress(CommandRefusedError, LinkTimeoutError):
             self._robot.enter_hil()
@@ -97,7 +97,7 @@ class _Loop:
         return False
 
 
-def _says_outside(message: Message) -> bool:
+def _reports_external_world(message: Message) -> bool:
     beat = decode(Heartbeat, message)
     return beat is not None and not beat.hil
 
@@ -107,7 +107,7 @@ class Sitl:
     """A running firmware process with its world. ``urls`` are the links for others; :meth:`advance` keeps it alive.
 
     ``live`` breaks and mends things meanwhile. ``run`` runs so many ticks, or fewer if the robot is outside.
-    ``stopped``: its storage says that it was stopped; time stands still until somebody releases it.
+    ``stopped``: its storage holds a latched stop; time stands still until its release.
     """
 
     urls: tuple[str, ...]

@@ -99,7 +99,7 @@ def run_soak(
     """Drive the scenario's trajectory for so long in simulated time, on the emulated processor.
 
     Its laps are without end; the world and its faults are the scenario's, events are not played. A second link, a
-    serial port at which nobody listens, streams all the while. Raises what starting and arming a robot raises.
+    serial port without a reader, streams throughout. Raises what starting and arming a robot raises.
     """
     world = new_world(scenario)
     watch = _Watch(world)

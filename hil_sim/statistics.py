@@ -105,7 +105,7 @@ class Spread:
         Raises ValueError unless 0 <= q <= 1.
         """
         if not 0.0 <= q <= 1.0:
-            raise ValueError(f"q is {q}; allowed is 0 to 1")
+            raise ValueError(f"q is {q}; must be 0 to 1")
         if not self.count:
             return math.nan
         rank = math.floor(q * (self.count - 1))

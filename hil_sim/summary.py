@@ -18,7 +18,7 @@ from hil_sim.timeline import Applied
 from omni_schema import ParameterTable
 from omniwheel import __version__, files
 from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 PICTURE_FILE = "run.png"
 TLOG_FILE = "telemetry.tlog"

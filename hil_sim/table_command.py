@@ -11,7 +11,7 @@ def need_one_or_more(parser: argparse.ArgumentParser, chosen: argparse.Namespace
     """End the program with exit code 2 and a message if one of these options is below 1."""
     for name in names:
         if getattr(chosen, name) < 1:
-            parser.error(f"--{name} is {getattr(chosen, name)}; 1 or more are needed")
+            parser.error(f"--{name} is {getattr(chosen, name)}; must be 1 or more")
 
 
 def say(text: str) -> None:

@@ -67,11 +67,11 @@ NO_POSE_SENSOR = PoseSensor(rate_Hz=0.0)
 def _robot_number(robot: Robot, quantity: Quantity, value: Any) -> float:
     if not isinstance(value, (int, float)):
         raise WorldError(
-            f"{robot.source}: {quantity.robot_key} is {value!r}; the simulated world needs a number there",
+            f"{robot.source}: {quantity.robot_key} is {value!r}; the simulated world needs a number",
             hint=f"add {quantity.robot_key} to the robot file, or copy a section [simulation] from another robot",
         )
     if not quantity.holds(value):
-        raise WorldError(f"{robot.source}: {quantity.robot_key} is {value:g}; allowed is {quantity.allowed}")
+        raise WorldError(f"{robot.source}: {quantity.robot_key} is {value:g}; must be {quantity.allowed}")
     return int(value) if quantity.kind == "int" else float(value)
 
 
@@ -131,11 +131,11 @@ SIMULATION_KEYS = frozenset(
 
 
 def _refuse_unknown(robot: Robot) -> None:
-    """A misspelt key would leave its effect off, and nobody would know."""
+    """A misspelt key would silently have no effect."""
     for name in robot.simulation:
         if name not in SIMULATION_KEYS:
             raise WorldError(
-                f"{robot.source}: simulation.{name} is no key of a robot file{did_you_mean(name, SIMULATION_KEYS)}",
+                f"{robot.source}: simulation.{name} is an unknown key{did_you_mean(name, SIMULATION_KEYS)}",
                 hint="docs/guides/robot-file.md lists the keys of [simulation]",
             )
 
@@ -164,7 +164,7 @@ def _set(config: Any, field: str, value: Any) -> None:
 def plant_number(name: str) -> int:
     """Return the ``hil_plant_kind_t`` of a plant's name; WorldError if there is none of that name."""
     if name not in PLANTS:
-        raise WorldError(f"plant is {name!r}{did_you_mean(name, PLANTS)}; allowed are {', '.join(PLANTS)}")
+        raise WorldError(f"plant is {name!r}{did_you_mean(name, PLANTS)}; must be one of {', '.join(PLANTS)}")
     return int(PLANTS[name])
 
 
@@ -178,7 +178,7 @@ def _fill_pose_sensor(config: Any, sensor: PoseSensor) -> None:
 
 def _fill_faults(config: Any, faults: Sequence[Fault]) -> None:
     if len(faults) > MAX_FAULTS:
-        raise WorldError(f"{len(faults)} faults are too many; at most {MAX_FAULTS} are allowed")
+        raise WorldError(f"{len(faults)} faults; must be at most {MAX_FAULTS}")
     config.fault_count = len(faults)
     for slot, fault in zip(config.fault, faults, strict=False):
         slot.kind = fault.kind
@@ -190,7 +190,7 @@ def _fill_faults(config: Any, faults: Sequence[Fault]) -> None:
 
 def _fill_patches(config: Any, patches: Sequence[FloorPatch]) -> None:
     if len(patches) > MAX_PATCHES:
-        raise WorldError(f"{len(patches)} patches are too many; at most {MAX_PATCHES} are allowed")
+        raise WorldError(f"{len(patches)} patches; must be at most {MAX_PATCHES}")
     config.patch_count = len(patches)
     for slot, patch in zip(config.patch, patches, strict=False):
         slot.x_m, slot.y_m = patch.x_m, patch.y_m
@@ -221,7 +221,8 @@ def world_config(
     config.seed = seed
     if patches and plant != DEFAULT_PLANT:
         raise WorldError(
-            f"plant {plant} knows no [[patch]]", hint=f"take the patches out of the scenario, or use {DEFAULT_PLANT}"
+            f"plant {plant} does not support [[patch]]",
+            hint=f"remove the patches from the scenario, or use {DEFAULT_PLANT}",
         )
     _fill_pose_sensor(config, pose_sensor)
     _fill_faults(config, faults)
@@ -229,10 +230,10 @@ def world_config(
     for name, value in {**sensor_numbers(robot), **numbers}.items():
         field = WORLD.numbers[name].field if name in WORLD.numbers else name
         if field not in dir(config):
-            raise WorldError(f"{name} is no field of the world; see world.toml and hil_world_config_t in world.h")
+            raise WorldError(f"{name} is not a field of the world; see world.toml and hil_world_config_t in world.h")
         _set(config, field, value)
     if config.rollers_per_row in (1, 2):
-        raise WorldError(f"rollers_per_row is {config.rollers_per_row}; allowed are 0 (ideal wheels) and 3 to 60")
+        raise WorldError(f"rollers_per_row is {config.rollers_per_row}; must be 0 (ideal wheels) or 3 to 60")
     return config
 
 
@@ -324,7 +325,7 @@ class World:
     def i2c(self, transactions: bytes) -> None:
         """Apply I2C transactions, coded as in OMNI_HIL_ACTUATORS; raises ValueError if they do not parse."""
         if lib.hil_world_i2c(self.c, transactions, len(transactions)) != lib.HIL_OK:
-            raise ValueError("the bytes are no I2C transactions; each is: address, count, bytes, count to read")
+            raise ValueError("the bytes are not I2C transactions of: address, count, bytes, count to read")
 
     def output_enable(self, on: bool) -> None:
         """Set the PWM chip's output-enable pin; released at first, and of no effect on a robot without one."""

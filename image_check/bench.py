@@ -21,7 +21,7 @@ from omniwheel.robot import Robot
 BOOT_LIMIT_S = 2.0
 STEP_S = 0.001
 TAKE_LIMIT_S = 3.0
-"""A start takes less: whoever opens the port right after a reset writes then."""
+"""Upper bound of a start: a port opened right after a reset is written to after this time."""
 _SYSTEM_ID = {Channel.USB: 251, Channel.UART: 252}
 
 
@@ -55,7 +55,7 @@ class MachineLink:
             if taken > 0:
                 give_up_s = self._bench.clock_s() + TAKE_LIMIT_S
             elif self._bench.clock_s() > give_up_s:
-                raise LinkLostError(f"the robot takes no byte from {self.url} for {TAKE_LIMIT_S:g} s")
+                raise LinkLostError(f"the robot accepts no byte from {self.url} for {TAKE_LIMIT_S:g} s")
             if at < len(data):
                 self._bench.advance(STEP_S)
 
@@ -80,7 +80,7 @@ class Bench:
         return self.machine.time_s
 
     def advance(self, duration_s: float) -> None:
-        """Let time go on, a millisecond at a time for whoever watches. Raises LinkLostError if the machine can't."""
+        """Advance the time in steps of 1 ms, calling the watchers. Raises LinkLostError if the machine can't."""
         end_ns = self.machine.time_ns + round(duration_s * 1e9)
         while self.machine.time_ns < end_ns:
             step_ns = min(end_ns, self.machine.time_ns + round(STEP_S * 1e9)) if self._watchers else end_ns

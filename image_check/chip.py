@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The PWM chip and its bus: how the image sets the chip up, waits for it, and frees a bus that somebody holds."""
+"""The PWM chip and its bus: how the image sets the chip up, waits for it, and frees a bus that is held low."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LOOK_S = 2e-6
 QUIET_ns = 50_000
 CLOCKS_LIMIT_S = 0.05
 LATER_us, CLOCKS_us = 7, 80
-"""SDA is let go at moments so far apart, within the nine clocks of 10 us that are to free the bus."""
+"""SDA is released at moments so far apart, within the nine clocks of 10 us that are to free the bus."""
 FREED_S = 0.01
 SETTLED_S = 0.05
 BYTES = 20
@@ -58,7 +58,7 @@ def _compare(bench: Bench, when: str) -> None:
 
 
 def missing(context: Context) -> list[str]:
-    """A chip that has no power since power-on: whoever asks to arm, from before the first tick on, is refused."""
+    """A chip that has no power since power-on: arming is rejected from before the first tick."""
     with context.bench(options=Options(instruction_ns=QUICK, seed=context.seed)) as bench:
         install(bench, [Kind("chip_power")], 0.0, FOREVER_S)
         boot(bench)
@@ -68,10 +68,10 @@ def missing(context: Context) -> list[str]:
     if not results:
         raise CheckError("no arm command was answered")
     if mavlink.MAV_RESULT_ACCEPTED in results:
-        raise CheckError(f"armed without a PWM chip that answers, by arm command {_first(results)} of {len(results)}")
+        raise CheckError(f"armed without an acknowledging PWM chip, by arm command {_first(results)} of {len(results)}")
     if pin is not None and bench.powered:
-        raise CheckError("the output-enable pin is on without a PWM chip that answers")
-    return [f"{len(results)} arm commands without a PWM chip that answers: all refused"]
+        raise CheckError("the output-enable pin is on without an acknowledging PWM chip")
+    return [f"{len(results)} arm commands without an acknowledging PWM chip: all rejected"]
 
 
 def _first(results: list[int]) -> int:
@@ -98,7 +98,7 @@ def _ask_to_arm(bench: Bench, robot: Robot) -> list[int]:
 
 
 def freed(context: Context) -> list[str]:
-    """Somebody holds SDA low and lets go: a STOP ends whatever was going on, then the updates go on."""
+    """SDA is held low and released: a STOP ends the interrupted transfer, then the updates resume."""
     turns = context.pick(3, 8, 60)
     latest_s = 0.0
     with context.bench(options=Options(instruction_ns=QUICK, seed=context.seed)) as bench:
@@ -107,11 +107,11 @@ def freed(context: Context) -> list[str]:
         before = bench.machine.snapshot()
         for turn in range(turns):
             bench.machine.restore(before)
-            latest_s = max(latest_s, _hold_and_let_go(bench, turn * LATER_us % CLOCKS_us))
-    return [f"SDA held and let go at {turns} moments: STOP, then updates, at most {1e3 * latest_s:.2f} ms later"]
+            latest_s = max(latest_s, _hold_and_release(bench, turn * LATER_us % CLOCKS_us))
+    return [f"SDA held low and released at {turns} moments: STOP, then updates, at most {1e3 * latest_s:.2f} ms later"]
 
 
-def _hold_and_let_go(bench: Bench, clocks_us: int) -> float:
+def _hold_and_release(bench: Bench, clocks_us: int) -> float:
     """Let SDA go so long after the first clock that is to free it; return when an update begins. Raises CheckError."""
     machine = bench.machine
     machine.drive_pin(SDA, 0)
@@ -123,7 +123,7 @@ def _hold_and_let_go(bench: Bench, clocks_us: int) -> float:
     machine.i2c_edges()
     bench.advance(FREED_S)
     edges = list(dropwhile(lambda edge: not edge.sda, machine.i2c_edges()))
-    what = f"SDA is let go {clocks_us} us after the first clock that is to free it"
+    what = f"SDA is released {clocks_us} us after the first clock pulse of the bus recovery"
     events = read_wave(edges).events
     taken = sum(isinstance(event, tuple) and event[1] for event in events)
     if taken < BYTES:
@@ -143,7 +143,7 @@ def _wait_for_clocks(bench: Bench) -> None:
                 return
             last_ns = round(edge.time_ns)
         bench.advance(LOOK_S)
-    raise CheckError(f"SDA is held low: no clock comes to free it within {1e3 * CLOCKS_LIMIT_S:g} ms")
+    raise CheckError(f"SDA is held low: no recovery clock pulses within {1e3 * CLOCKS_LIMIT_S:g} ms")
 
 
 def _first_update_s(edges: list[Edge]) -> float:

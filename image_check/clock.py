@@ -52,7 +52,7 @@ def _told_s(bench: Bench, robot: Robot) -> float:
     robot.commands.request_message(Status.message, ANSWER_S)
     status = robot.status.safety
     if status is None:
-        raise CheckError(f"{bench.clock_s():.2f} s after power-on the robot does not tell its time")
+        raise CheckError(f"{bench.clock_s():.2f} s after power-on the robot does not send its time")
     return status.time_s
 
 

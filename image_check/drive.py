@@ -77,7 +77,7 @@ def _compare_counts(bench: Bench) -> int:
     ]
     worst = max(abs(a - b) for a, b in zip(passed, told, strict=True))
     if worst > COUNT_TOLERANCE:
-        raise CheckError(f"counters say {told}, {passed} edges have passed")
+        raise CheckError(f"counters have {told}, but {passed} edges occurred")
     return worst
 
 
@@ -168,7 +168,7 @@ def _largest_distance(trail: np.ndarray, reference: np.ndarray, shift_s: float) 
     times = trail[:, 0] + shift_s
     common = (times >= reference[0, 0]) & (times <= reference[-1, 0])
     if np.count_nonzero(common) < 0.8 * len(trail):
-        raise CheckError("the two drives hardly overlap in time")
+        raise CheckError("the two drives overlap too little in time")
     x = np.interp(times[common], reference[:, 0], reference[:, 1])
     y = np.interp(times[common], reference[:, 0], reference[:, 2])
     return float(np.hypot(x - trail[common, 1], y - trail[common, 2]).max())

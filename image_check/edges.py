@@ -42,7 +42,7 @@ def noise(context: Context) -> list[str]:
     with context.booted(scenario=on_the_floor(context.scenario)) as bench:
         drive = Drive(bench, TURN)
         drive.robot.pump(0.1)
-        drive.tell_more()
+        drive.show_reason()
         drive.start()
         drive.run(DRIVE_S)
         driving = bench.machine.snapshot()
@@ -99,7 +99,7 @@ def _told(robot: Robot) -> tuple[float, int, int]:
 
 def _said(drive: Drive, name: str, fault: str) -> None:
     if f"failsafe: {fault}" not in drive.seen.texts or fault not in drive.seen.faults:
-        raise CheckError(f"{name}: {fault} is not said; texts {drive.seen.texts}, faults {sorted(drive.seen.faults)}")
+        raise CheckError(f"{name}: no message of {fault}; texts {drive.seen.texts}, faults {sorted(drive.seen.faults)}")
 
 
 def _ticks_came(bench: Bench, robot: Robot, before: tuple[float, int, int], begin_s: float, name: str) -> None:
@@ -114,7 +114,7 @@ def _others_count(bench: Bench, drive: Drive, noisy: int, name: str) -> None:
     drive.run(REST_S)
     wrong = [wheel for wheel, error in enumerate(_count_errors(bench)) if wheel != noisy and error > COUNT_TOLERANCE]
     if wrong:
-        raise CheckError(f"{name}: wheel {wrong[0] + 1} has counted wrong, too")
+        raise CheckError(f"{name}: wheel {wrong[0] + 1} miscounted, too")
 
 
 def _count_errors(bench: Bench) -> list[int]:

@@ -50,7 +50,7 @@ def install(bench: Bench, kinds: Sequence[Kind], start_s: float, lasts_s: float)
 
 @dataclass
 class Seen:
-    """What happened while somebody watched. Times on the robot's clock since power-on.
+    """The observations of a drive. Times on the robot's clock since power-on.
 
     ``off_since_s``: all bridge inputs are low since then; None: one is high. ``error_m``: largest distance of the robot
     from where its path was.
@@ -65,7 +65,7 @@ class Seen:
 
 
 class Drive:
-    """Somebody at the robot's USB port, who steers it: a turn by set-points, or the circle that it drives by itself.
+    """A client at the robot's USB port that steers it: a turn by setpoints, or the circle that it drives by itself.
 
     ``seen`` is what there was to see. ``deaf``: sends, but does not read.
     """
@@ -81,7 +81,7 @@ class Drive:
         self._next_s = -math.inf
         self.robot.connection.add_listener(self._listen)
 
-    def tell_more(self) -> None:
+    def show_reason(self) -> None:
         """Ask the robot for the telemetry that is looked at here."""
         for kind in (Status, Health, Tracking):
             self.robot.set_message_interval(kind.message, TELEMETRY_HZ)

@@ -50,7 +50,7 @@ def faults_at_the_pins(context: Context) -> list[str]:
     if context.scenario.robot.board.battery_pin is None:
         reasons.update(dict.fromkeys(BATTERY, "this robot does not measure it"))
     if context.scenario.robot.wheels > THREE:
-        reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: nothing stands still"
+        reasons["motor_dead"] = "with more than three wheels the others drag that wheel along: it does not stand still"
     if context.scenario.robot.board.stop_button_pin is None:
         reasons[BUTTON] = "this robot has none"
     if context.scenario.robot.board.motor_pins:
@@ -91,7 +91,7 @@ class Starts:
         self._bench = bench
         first = Drive(bench, "")
         first.robot.pump(0.1)
-        first.tell_more()
+        first.show_reason()
         self._ready = bench.machine.snapshot()
         self._driving: dict[tuple[str, bool], Snapshot] = {}
 
@@ -100,7 +100,7 @@ class Starts:
         fixes = "fix_rate_Hz" in case.world
         start = self._driving.get((case.drive, fixes))
         if start is None:
-            self._go_back(self._ready)
+            self._recover(self._ready)
             drive = Drive(self._bench, case.drive)
             drive.prepare()
             if fixes:
@@ -108,12 +108,12 @@ class Starts:
             drive.start()
             drive.run(FAULT_S)
             start = self._driving[case.drive, fixes] = self._bench.machine.snapshot()
-        self._go_back(start)
+        self._recover(start)
         drive = Drive(self._bench, case.drive)
         drive.steer()
         return drive
 
-    def _go_back(self, snapshot: Snapshot) -> None:
+    def _recover(self, snapshot: Snapshot) -> None:
         """Going back forgets what the chip objected to, and leaves bytes in the links."""
         _objections(self._bench)
         self._bench.machine.restore(snapshot)
@@ -139,7 +139,7 @@ def run_case(bench: Bench, starts: Starts, case: FaultCase, values: Mapping[str,
     figure = _stopped(drive, case, start_s, values) if case.stops is not None else _drove_on(drive, case)
     drive.run(SETTLE_S)
     _said(drive, case)
-    _way_back(drive, case)
+    _recovery(drive, case)
     return figure
 
 
@@ -151,7 +151,7 @@ def _under_way(bench: Bench, starts: Starts, case: FaultCase) -> Drive:
         bench.world.c.config.output_enable_wired = False
     drive.run(READY_S)
     if not bench.powered:
-        raise CheckError(f"{case.name}: the robot does not drive before the fault comes")
+        raise CheckError(f"{case.name}: the robot does not drive before the fault")
     return drive
 
 
@@ -168,7 +168,7 @@ def _stopped(drive: Drive, case: FaultCase, start_s: float, values: Mapping[str,
     bound_s = case.bound_s(values)
     if latency_s > bound_s + late_s:
         raise CheckError(
-            f"{case.name}: bridges off after {1e3 * latency_s:.2f} ms; allowed are {1e3 * bound_s:.1f} ms and "
+            f"{case.name}: bridges off after {1e3 * latency_s:.2f} ms; limits are {1e3 * bound_s:.1f} ms and "
             f"{1e3 * late_s:.2f} ms for tick and bus"
         )
     return f"{case.what}: {1e3 * latency_s:.1f} ms (at most {1e3 * bound_s:.0f} ms)"
@@ -188,14 +188,14 @@ def _said(drive: Drive, case: FaultCase) -> None:
     seen = drive.seen
     fault = case.failsafe
     if fault is not None and (f"failsafe: {fault}" not in seen.texts or fault not in seen.faults):
-        raise CheckError(f"{case.name}: {fault} is not said; texts {seen.texts}, faults {sorted(seen.faults)}")
+        raise CheckError(f"{case.name}: no message of {fault}; texts {seen.texts}, faults {sorted(seen.faults)}")
     if case.warns is not None and case.warns not in seen.faults:
         raise CheckError(f"{case.name}: no warning {case.warns}; faults {sorted(seen.faults)}")
     if case.says is not None and not any(case.says in text for text in seen.texts):
-        raise CheckError(f"{case.name}: '{case.says}' is not said; texts {seen.texts}")
+        raise CheckError(f"{case.name}: '{case.says}' was not sent; texts {seen.texts}")
 
 
-def _way_back(drive: Drive, case: FaultCase) -> None:
+def _recovery(drive: Drive, case: FaultCase) -> None:
     """Disarm and arm a robot that stopped; it must drive again."""
     if case.stops is not None:
         drive.stop()

@@ -89,7 +89,7 @@ def _rest(bench: Bench, robot: Robot, heard: Heard) -> str:
     begin_s = bench.clock_s()
     while not (heard.gyro and heard.gyro[-1].used):
         if bench.clock_s() - begin_s > LEARN_S:
-            raise CheckError(f"the gyro is not used {LEARN_S:g} s after the start: {heard.texts or 'nothing said'}")
+            raise CheckError(f"the gyro is not used {LEARN_S:g} s after the start: {heard.texts or 'no texts'}")
         robot.pump(STEP_S)
     robot.pump(LEARN_S)
     axis = int(bench.scenario.parameter_values()[AXIS_PARAMETER])
@@ -97,7 +97,9 @@ def _rest(bench: Bench, robot: Robot, heard: Heard) -> str:
     off = heard.gyro[-1].bias_rad_s - true_bias
     if abs(off) > BIAS_LIMIT_RAD_S:
         raise CheckError(f"the bias at rest is off by {off:.2g} rad/s")
-    return f"in use {bench.clock_s() - begin_s - LEARN_S:.2f} s after the first word, bias off by {abs(off):.1e} rad/s"
+    return (
+        f"in use {bench.clock_s() - begin_s - LEARN_S:.2f} s after the first message, bias error {abs(off):.1e} rad/s"
+    )
 
 
 def _turn(bench: Bench, robot: Robot, heard: Heard) -> str:

@@ -20,7 +20,7 @@ NOWHERE = struct.pack("<4H", 0x2003, 0x0700, 0x3001, 0x4700)
 NULL_POINTER = struct.pack("<3H", 0x2000, 0x6800, 0xE7FE)
 """movs r0, #0; ldr r0, [r0]: the memory protection unit forbids it."""
 STRAY_INTERRUPT = 54
-"""An interrupt that nobody in the firmware asks for: the debug controller's."""
+"""An interrupt that the firmware does not use: the debug controller's."""
 SET_ENABLE, SET_PENDING = 0xE000E100, 0xE000E200
 """NVIC_ISER0 and NVIC_ISPR0 (Armv7-M architecture reference manual)."""
 WATCHDOG_S = 0.2
@@ -58,9 +58,7 @@ def _until_reset(bench: Bench, begin_s: float, what: str) -> str:
         raise CheckError(f"{what}: no reset within {2e3 * WATCHDOG_S:g} ms: {stop.name} {machine.why}")
     gone_s = machine.time_s - begin_s
     if not WATCHDOG_S - WATCHDOG_EARLY_S <= gone_s <= WATCHDOG_S + TICK_S:
-        raise CheckError(
-            f"{what}: started anew after {1e3 * gone_s:.1f} ms, promised is a reset after {1e3 * WATCHDOG_S:g} ms"
-        )
+        raise CheckError(f"{what}: started anew after {1e3 * gone_s:.1f} ms, the limit is {1e3 * WATCHDOG_S:g} ms")
     return f"{what}: started anew after {1e3 * gone_s:.1f} ms"
 
 
@@ -80,7 +78,9 @@ def _says(bench: Bench, wanted: tuple[str, ...], cause: str, what: str) -> None:
         told = robot.wait_for(Health).reset_cause
     for words in wanted:
         if not any(words in text for text in texts):
-            raise CheckError(f'{what}: the robot does not say "{words}" after it, but: {"; ".join(texts) or "nothing"}')
+            raise CheckError(
+                f'{what}: the robot does not send "{words}" after it, but: {"; ".join(texts) or "nothing"}'
+            )
     if told != cause:
         raise CheckError(f"{what}: the robot gives {told} as the cause of its start, not {cause}")
     if robot.status.armed:
@@ -113,7 +113,7 @@ FAULTS: dict[str, tuple[bytes, Callable[[int], int]]] = {
 
 
 def crash(context: Context) -> list[str]:
-    """Faults in the tick and in the main loop of a driving robot, and an interrupt that nobody asked for."""
+    """Faults in the tick and in the main loop of a driving robot, and an unexpected interrupt."""
     figures = []
     expected = frozenset({FindingKind.FAULT, FindingKind.WATCHDOG})
     # Not exact, a handler without a branch counts as a whole.

@@ -13,9 +13,9 @@ from typing import Any
 from emulated_teensy.image_file import read_image
 from emulated_teensy.machine import not_modelled, unicorn_library
 from hil_sim.scenario import load_scenario
-from image_check.apart import Died, call_apart
 from image_check.bench import Context
 from image_check.check import CI, Check
+from image_check.worker_processes import ProcessFailure, call_in_processes
 from omniwheel.errors import FirmwareStartError, OmniError
 
 WORLD = "stand"
@@ -36,7 +36,7 @@ MODULES = (
     "drive",
     "latch",
     "stops",
-    "kept",
+    "latched_stops",
     "faults",
     "unplug",
     "edges",
@@ -130,15 +130,17 @@ def run_checks(
     unicorn_library()
     outcomes: dict[int, Outcome] = {}
     told = 0
-    for number, outcome in call_apart(run_one, [(image, robot, depth, seed, check.name) for check in checks], workers):
-        outcomes[number] = _failed(checks[number], outcome) if isinstance(outcome, Died) else outcome
+    for number, outcome in call_in_processes(
+        run_one, [(image, robot, depth, seed, check.name) for check in checks], workers
+    ):
+        outcomes[number] = _failed(checks[number], outcome) if isinstance(outcome, ProcessFailure) else outcome
         while told in outcomes:
             done(outcomes[told])
             told += 1
     return [outcomes[number] for number in range(len(checks))]
 
 
-def _failed(check: Check, died: Died) -> Outcome:
+def _failed(check: Check, died: ProcessFailure) -> Outcome:
     """Return what becomes of a check whose process gave no result: it has not shown anything."""
     return Outcome(check.name, check.what, (), f"the check itself failed: {died.why}", 0.0)
 
@@ -147,7 +149,7 @@ def _chosen(depth: str, only: Sequence[str]) -> list[Check]:
     known = {check.name: check for check in all_checks()}
     unknown = [name for name in only if name not in known]
     if unknown:
-        raise ValueError(f"there is no check {unknown[0]}; there are {', '.join(known)}")
+        raise ValueError(f"unknown check {unknown[0]}; known are {', '.join(known)}")
     return [check for name, check in known.items() if (name in only if only else depth in check.depths)]
 
 

@@ -56,15 +56,15 @@ def fail(sensor: Sensor, word: str, again: str, begin: Callable[[], None], end: 
     texts.clear()
     start_s = bench.clock_s()
     begin()
-    wait(sensor, lambda: word in texts, TROUBLE_S, f"it does not say “{word}”", texts)
+    wait(sensor, lambda: word in texts, TROUBLE_S, f"it does not send “{word}”", texts)
     said_s = bench.clock_s() - start_s
     wait(sensor, lambda: sensor.fault in status[-1].faults, TROUBLE_S, f"it does not warn of {sensor.fault}", [])
     sensor.meanwhile(max(STEP_S, TROUBLE_S - (bench.clock_s() - start_s)))
     end()
     back_s = bench.clock_s()
-    wait(sensor, lambda: again in texts, BACK_S, "there are no readings again", texts)
+    wait(sensor, lambda: again in texts, BACK_S, "readings do not resume", texts)
     again_s = bench.clock_s() - back_s
-    wait(sensor, lambda: sensor.fault not in status[-1].faults, BACK_S, "the warning stays", [])
+    wait(sensor, lambda: sensor.fault not in status[-1].faults, BACK_S, "the warning does not clear", [])
     return f"“{word}” after {1e3 * said_s:.0f} ms, readings again {1e3 * again_s:.0f} ms after its end"
 
 

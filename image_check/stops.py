@@ -27,13 +27,13 @@ TURN_RAD_S = 0.5
 
 
 def driving(bench: Bench) -> Robot:
-    """Connect over USB, arm, and turn the robot on the spot; its set-points end with the call. Raises CheckError."""
+    """Connect over USB, arm, and turn the robot on the spot; its setpoints end with the call. Raises CheckError."""
     robot = bench.connect()
     robot.pump(1.2)
     robot.arm()
     robot.drive_velocity(0.0, 0.0, TURN_RAD_S, SPIN_S, stop=False)
     if not bench.powered:
-        raise CheckError("the robot is armed, has a set-point and gives its motors nothing")
+        raise CheckError("the robot is armed and has a setpoint, but its motors get no voltage")
     return robot
 
 
@@ -46,7 +46,7 @@ def _time_to_off(bench: Bench, act: Callable[[], float], limit_s: float, what: s
     for _ in range(50):
         bench.advance(TICK_S)
         if bench.powered:
-            raise CheckError(f"{what}: the bridges came on again")
+            raise CheckError(f"{what}: the bridges were switched on again")
     return off_s
 
 
@@ -111,12 +111,12 @@ def backlog(context: Context) -> list[str]:
 
 
 def silence(context: Context) -> list[str]:
-    """Set-points stop coming; then, in a robot that needs none, the ground station's heartbeats."""
+    """Setpoints stop coming; then, in a robot that needs none, the ground station's heartbeats."""
     values = context.scenario.parameter_values()
     with context.booted() as bench:
         robot = driving(bench)
-        command_s = _time_to_off(bench, lambda: 0.0, 2 * values["SAFE_CMD_TO"], "set-points stop")
-        _within(command_s, values["SAFE_CMD_TO"], "set-points stop")
+        command_s = _time_to_off(bench, lambda: 0.0, 2 * values["SAFE_CMD_TO"], "setpoints stop")
+        _within(command_s, values["SAFE_CMD_TO"], "setpoints stop")
         robot.pump(0.2)
         robot.disarm()
         robot.start_trajectory("circle")
@@ -125,16 +125,18 @@ def silence(context: Context) -> list[str]:
         with robot.connection.without_heartbeats():
             link_s = _time_to_off(bench, lambda: 0.0, 2 * values["SAFE_LINK_TO"], "heartbeats stop")
         _within(link_s, values["SAFE_LINK_TO"], "heartbeats stop")
-    return [f"set-points stop: {1e3 * command_s:.0f} ms", f"heartbeats stop: {1e3 * link_s:.0f} ms"]
+    return [f"setpoints stop: {1e3 * command_s:.0f} ms", f"heartbeats stop: {1e3 * link_s:.0f} ms"]
 
 
 def _within(measured_s: float, promised_s: float, what: str) -> None:
     if measured_s > promised_s + LATE_S:
-        raise CheckError(f"{what}: bridges off after {1e3 * measured_s:.0f} ms, {1e3 * promised_s:.0f} ms are promised")
+        raise CheckError(
+            f"{what}: bridges off after {1e3 * measured_s:.0f} ms, {1e3 * promised_s:.0f} ms are the limit"
+        )
 
 
 CHECKS = (
     Check("stop-commands", "emergency stop and disarm, from both links", commands),
     Check("stop-backlog", "emergency stop and disarm behind a burst of fixes or heartbeats", backlog),
-    Check("silence", "set-points or heartbeats stop coming", silence, (CI, NIGHTLY)),
+    Check("silence", "setpoints or heartbeats stop coming", silence, (CI, NIGHTLY)),
 )

@@ -62,11 +62,13 @@ def _pull(bench: Bench, radio: Robot) -> str:
         bench.advance(TICK_S)
     off_s = bench.clock_s() - pulled_s
     if off_s > LINK_TO_S + LATE_S:
-        raise CheckError(f"cable pulled: bridges off after {1e3 * off_s:.0f} ms, {1e3 * LINK_TO_S:.0f} ms are promised")
+        raise CheckError(
+            f"cable pulled: bridges off after {1e3 * off_s:.0f} ms, {1e3 * LINK_TO_S:.0f} ms are the limit"
+        )
     radio.pump(TEXTS_S)
     texts = [text.text for text in radio.texts.all]
     if "failsafe: link loss" not in texts or bench.powered:
-        raise CheckError(f"cable pulled: the radio does not hear of the stop, it hears {texts}")
+        raise CheckError(f"cable pulled: the radio gets no message of the stop, but {texts}")
     return f"cable pulled: bridges off after {1e3 * off_s:.0f} ms ({1e3 * LINK_TO_S:.0f} ms)"
 
 
@@ -90,15 +92,15 @@ def host_stops_reading(context: Context) -> list[str]:
         drive.deaf = True
         drive.run(DEAF_S)
         if not bench.powered:
-            raise CheckError("a host that sends set-points but does not read: the robot stops")
+            raise CheckError("a host that sends setpoints but does not read: the robot stops")
         off_s = _disarm_unheard(bench, drive.robot)
         bench.machine.usb_deaf(False)
         status = drive.robot.commands.request_message(Status.message, TEXTS_S)
         if status.overruns != 0:
             raise CheckError(f"a host that does not read: {status.overruns} ticks overran")
         return [
-            f"{DEAF_S:g} s without a reader: drives on, no tick overran, disarm obeyed in {1e3 * off_s:.1f} ms, "
-            "answers come again"
+            f"{DEAF_S:g} s without a reader: drives on, no tick overran, disarmed in {1e3 * off_s:.1f} ms, "
+            "replies resume"
         ]
 
 

@@ -89,7 +89,7 @@ def run(context: Context) -> Result:
     paths = head["quick_paths"] if context.quick else head["paths"]
     keys = head["quick_settings"] if context.quick else list(spec["setting"])
     first = replace(context, progress=lambda share: context.progress(BOUNDS_SHARE * share))
-    known = first.map(partial(bound_and_told, spec, paths=paths), keys)
+    known = first.map(partial(bound_and_informed_filter, spec, paths=paths), keys)
     rows: list[Row] = []
     table: dict[tuple[str, str], Figures] = {}
     for key, (bound, told) in zip(keys, known, strict=True):
@@ -196,7 +196,7 @@ def reached_by_filter(robot: Filter, driven: Driven) -> Array:
     return rms(filter_errors(robot, driven.readings)[driven.on_path])
 
 
-def bound_and_told(spec: Mapping[str, Any], key: str, paths: int) -> tuple[Array, Array]:
+def bound_and_informed_filter(spec: Mapping[str, Any], key: str, paths: int) -> tuple[Array, Array]:
     """Return bound and what the filter that knows reaches, each (position, heading) in mm and mrad, RMS over paths.
 
     Both are for ideal wheels.

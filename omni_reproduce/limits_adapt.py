@@ -62,7 +62,7 @@ def errors_of(key: str, parameters: Mapping[str, float], seeds: int, wheels: str
 def line(key: str, seeds: int, wheels: str) -> str:
     """Return a setting's row of the table."""
     spec = read_spec(limits.NAME)
-    bound = None if key in UNBOUNDED else limits.bound_and_told(spec, key, PATHS)[0]
+    bound = None if key in UNBOUNDED else limits.bound_and_informed_filter(spec, key, PATHS)[0]
     cells = [UNBOUNDED.get(key) or spec["setting"][key]["title"]]
     for parameters in columns().values():
         error = errors_of(key, parameters, seeds, wheels)

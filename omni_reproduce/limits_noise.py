@@ -49,7 +49,7 @@ def best(
 def line(key: str, seeds: int, wheels: str) -> str:
     """Return a setting's row of the table."""
     spec = read_spec(limits.NAME)
-    bound, _ = limits.bound_and_told(spec, key, PATHS)
+    bound, _ = limits.bound_and_informed_filter(spec, key, PATHS)
     as_shipped = over_bound(key, {}, bound, seeds, wheels)
     cells = [spec["setting"][key]["title"], f"{as_shipped[0]:.2f} / {as_shipped[1]:.2f}"]
     for parameter in PARAMETERS:

@@ -33,7 +33,7 @@ def print_table(
         if name not in known:
             parser.error(f"no setting {name!r}{did_you_mean(name, known)}; there are {', '.join(known)}")
     if chosen.seeds < 1:
-        parser.error(f"--seeds is {chosen.seeds}; 1 or more are needed")
+        parser.error(f"--seeds is {chosen.seeds}; must be 1 or more")
     say(f"| setting | {' | '.join(headings)} |")
     say("|---" * (1 + len(headings)) + "|")
     for key in chosen.settings or known:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The estimate beside the posterior bound in worlds that nobody chose: python -m omni_reproduce.limits_worlds --seed N.
+"""The estimate beside the posterior bound in random worlds: python -m omni_reproduce.limits_worlds --seed N.
 
 A seed draws each world: robot, floor, size and time of slip, rate and noise of the fixes, gyro or not. The robot is
 told the noise of its fixes and its gyro, as a data sheet does, and nothing of slip and floor. Cells are the errors of
@@ -118,7 +118,7 @@ def stiffness_of(scenario: str) -> float:
 def outcome_of(world: World, seeds: int) -> Outcome:
     """Compute the bound of a world, and drive in it on both kinds of wheels with each trial's parameters."""
     spec = {"experiment": {"seed": FIRST_RUN}, "setting": {"drawn": world.entry}}
-    bound, _ = limits.bound_and_told(spec, "drawn", PATHS)
+    bound, _ = limits.bound_and_informed_filter(spec, "drawn", PATHS)
     reached, stopped = {}, 0
     for wheels in WHEELS:
         base = limits.scenario_of(spec, "drawn", wheels)

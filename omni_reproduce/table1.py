@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Table 1: P, PD and PID stabilise a robot with a dead band, and the same with the dead band compensated."""
+"""Table 1: P, PD and PID stabilise a robot with a deadband, and the same with the deadband compensated."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _CM = 100.0
 
 @dataclass(frozen=True)
 class Case:
-    """One try: the experiment's file, the controller's name, the share of the dead band compensated, the seed."""
+    """One try: the experiment's file, the controller's name, the share of the deadband compensated, the seed."""
 
     spec: Mapping[str, Any]
     controller: str
@@ -41,7 +41,7 @@ def dead_voltage_V(robot: Mapping[str, Any]) -> float:
 
 
 def motor_fields(robot: Mapping[str, Any]) -> dict[str, float]:
-    """Return the motor that has this dead band, full speed and lag.
+    """Return the motor that has this deadband, full speed and lag.
 
     Without viscous friction: K w = V - R T_c / K, and the time constant is J R / K².
     """
@@ -57,12 +57,12 @@ def motor_fields(robot: Mapping[str, Any]) -> dict[str, float]:
 
 
 def dead_speed_m_s(robot: Mapping[str, Any]) -> float:
-    """Return the speed of a wheel's rim that the controller believes to ask for with the PWM of the dead band."""
+    """Return the speed of a wheel's rim that the controller believes to ask for with the PWM of the deadband."""
     return float(robot["full_speed_rad_s"] * robot["dead_pwm"] / robot["pwm_steps"] * robot["wheel_radius_m"])
 
 
 def stop_radius_m(spec: Mapping[str, Any], controller: str, compensation: float) -> float:
-    """Return the position error [m] below which no wheel gets more than the dead band, whatever its direction.
+    """Return the position error [m] below which no wheel gets more than the deadband, whatever its direction.
 
     The integral adds its limit, and the compensation its share, to what the error asks for.
     """

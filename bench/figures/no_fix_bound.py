@@ -2,7 +2,7 @@
 """The best that any filter could do in ten minutes without a fix: python -m bench.figures.no_fix_bound.
 
 The worlds are those of ``bench.figures.no_fix``, on ideal wheels. The filter knows how slip is drawn, and where it
-stands at first. A cell is what 95 % of its errors at the end are below. The robot knows less: nobody tells it that slip
+stands at first. A cell is what 95 % of its errors at the end are below. The robot's filter does not know that slip
 is 5 % in the mean.
 """
 

@@ -159,7 +159,7 @@ def robot_parts(robot: Robot, config: Any = None) -> RobotParts:
     rows, count = int(shape["wheel_rows"]), int(shape["rollers_per_row"])
     a = shape["roller_radius_m"]
     if a >= 0.5 * radius:
-        raise PartsError(f"{robot.source}: simulation.roller_radius_m is {a:g}; allowed is less than half of a wheel's")
+        raise PartsError(f"{robot.source}: simulation.roller_radius_m is {a:g}; must be less than half of a wheel's")
     half = radius * math.sin(math.pi / (rows * count))
     roller = _cylinder(ROLLER_DENSITY_kg_m3 * math.pi * a**2 * 2.0 * half, a, 2.0 * half)
     wheels = tuple(_wheel(robot, config, i, shape, roller) for i in range(config.wheels))
@@ -207,7 +207,7 @@ def _number(robot: Robot, config: Any, name: str, assumed: float) -> float:
         value = assumed
     what = f"a {'whole ' if key.whole else ''}number from {key.least:g} to {key.most:g}"
     if not isinstance(value, int | float) or not key.least <= value <= key.most or (key.whole and value != int(value)):
-        raise PartsError(f"{robot.source}: simulation.{name} is {value!r}; allowed is {what}")
+        raise PartsError(f"{robot.source}: simulation.{name} is {value!r}; must be {what}")
     return float(value)
 
 

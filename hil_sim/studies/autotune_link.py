@@ -40,10 +40,12 @@ class Way:
     def __post_init__(self) -> None:
         """Refuse what there is not. Raises StudyInputError."""
         if self.emulated and self.radio is not None:
-            raise StudyInputError("the emulated processor has no radio", hint="either --radio or --emulated")
+            raise StudyInputError(
+                "the emulated processor has no radio", hint="--radio and --emulated exclude each other"
+            )
         if self.radio is not None and self.radio.baud not in BAUDS:
             known = ", ".join(map(str, BAUDS))
-            raise StudyInputError(f"--radio {self.radio.baud}: there are profiles for {known} baud")
+            raise StudyInputError(f"--radio {self.radio.baud}: must be one of {known} baud")
 
     @property
     def suffix(self) -> str:
@@ -101,7 +103,7 @@ def radio_parameters(baud: int) -> dict[str, float]:
 
 @contextmanager
 def reached_robot(scenario: Scenario, way: Way) -> Iterator[tuple[Robot, SteppedLink]]:
-    """Start the firmware in the scenario's world and connect; the world goes on while somebody waits."""
+    """Start the firmware in the scenario's world and connect; the world advances while a caller waits."""
     parameters = scenario.parameter_values()
     if way.emulated:
         with EmulatedFirmware(parameters=parameters, links=[DIRECT], lockstep=True) as firmware:

@@ -86,7 +86,7 @@ class Trial:
 
 @contextmanager
 def waiting_robot(drawn: DrawnRobot, way: Way = CABLE) -> Iterator[tuple[Robot, SteppedLink]]:
-    """Start the firmware with the wrong robot file in the true robot's world; it goes on while somebody waits."""
+    """Start the firmware with the wrong robot file in the true robot's world; it advances while a caller waits."""
     with reached_robot(drawn.tuning_scenario(), way) as found:
         yield found
 

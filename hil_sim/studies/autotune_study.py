@@ -29,7 +29,7 @@ from hil_sim.studies.store import KEY_BYTES
 from hil_sim.studies.study import Progress, no_progress
 from omniwheel import files, wheel_loop
 from omniwheel.autotune.procedure import Settings
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 Array = NDArray[Any]
 SUMMARY_FILE, PAGE_FILE, ROBOTS_FILE = "summary.json", "report.md", "robots.csv"

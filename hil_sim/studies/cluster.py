@@ -51,7 +51,7 @@ class DaskPool:
                 self._client = self._distributed.Client(address, timeout=connect_s, set_as_default=False)
         except (OSError, ValueError, TimeoutError) as error:
             raise ClusterError(
-                f"no Dask scheduler answers at {address}: {error}",
+                f"no Dask scheduler responds at {address}: {error}",
                 hint=_START,
             ) from error
         try:
@@ -127,25 +127,25 @@ class DaskPool:
             return 0
 
     def _next(self, done: queue.SimpleQueue[Any]) -> Any:
-        """Wait for a batch, as long as there is somebody to do it."""
+        """Wait for a batch, as long as there are workers."""
         self._seen_s = time.monotonic()
         while True:
             try:
                 return done.get(timeout=_LOOK_S)
             except queue.Empty:
-                self._look_after_workers()
+                self._watch_workers()
 
-    def _look_after_workers(self) -> None:
-        """Raise ClusterError if nobody can be expected to do the batches any more."""
+    def _watch_workers(self) -> None:
+        """Raise ClusterError if the cluster has no workers any more."""
         if self._client.status not in ("running", "connecting"):
-            raise self._lost(f"the scheduler at {self._address} went away")
+            raise self._lost(f"the connection to the scheduler at {self._address} was lost")
         if self._count_threads():
             self._seen_s = time.monotonic()
         elif time.monotonic() > self._seen_s + self._no_worker_s:
             raise self._lost(f"the cluster has had no worker for {self._no_worker_s:g} s")
 
     def _lost(self, message: str) -> ClusterError:
-        return ClusterError(message, hint="the finished batches are kept: run the same command again to go on")
+        return ClusterError(message, hint="the finished batches are kept: repeat the command to continue")
 
     def _taken(self, future: Any, batch: Batch) -> Done:
         done: Done
@@ -157,7 +157,7 @@ class DaskPool:
             raise self._lost(f"the scheduler at {self._address} dropped {batch}") from error
         except Exception as error:  # whatever a worker comes up with, or how it ended
             what = f"{batch} failed {RETRIES + 1} times: {type(error).__name__}: {error}"
-            raise StudyError(what, hint="look at the workers' own output; finished batches are kept") from error
+            raise StudyError(what, hint="see the workers' output; finished batches are kept") from error
         _refuse_other_engine(worker, found)
         return replace(done, batch=batch)
 
@@ -170,7 +170,7 @@ class DaskPool:
             except (TimeoutError, self._distributed.TimeoutError):
                 if future.status == "error":  # the batch's own
                     raise
-                self._look_after_workers()
+                self._watch_workers()
 
     def _give_up(self, futures: list[Any]) -> None:
         if futures and self._client.status == "running":
@@ -192,7 +192,7 @@ def _refuse_other_engine(worker: str, found: dict[str, Any]) -> None:
     own = engine.identity()
     for name, value in own.items():
         if found.get(name) != value:
-            what = "computes other numbers" if name == "probe" else f"has {name} {found.get(name)}, not {value}"
+            what = "computes different results" if name == "probe" else f"has {name} {found.get(name)}, not {value}"
             raise ClusterError(f"the worker {worker} {what}", hint=_INSTALL)
 
 
@@ -204,7 +204,7 @@ def _check_address(address: str) -> None:
     except ValueError:
         known = False
     if not known:
-        raise ClusterError(f"no Dask scheduler answers at {address}: no address of a host and a port", hint=_START)
+        raise ClusterError(f"invalid address {address}: a host and a port are missing", hint=_START)
 
 
 def _load() -> Any:

@@ -55,7 +55,7 @@ class DrawnRobot:
     world: dict[str, float]
 
     def tuning_scenario(self) -> Scenario:
-        """Return the world in which it stands and waits for whoever tunes it."""
+        """Return the world in which it stands until it is tuned."""
         return self._scenario("sitl", {}, (0.0, 0.0, 0.0))
 
     def judging_scenario(self) -> Scenario:

@@ -69,7 +69,7 @@ def known_figure(name: str) -> str:
     """Return the name if it is one of FIGURES or "completed"; StudyInputError otherwise."""
     names = (*FIGURES, COMPLETED)
     if name not in names:
-        raise StudyInputError(f"there is no figure {name}{did_you_mean(name, names)}; there are {', '.join(names)}")
+        raise StudyInputError(f"unknown metric {name}{did_you_mean(name, names)}; known are {', '.join(names)}")
     return name
 
 
@@ -110,7 +110,7 @@ def parse_number(text: str) -> Number:
     percentile = re.fullmatch(r"p(\d{1,2}(\.\d+)?|100)", statistic)
     if statistic not in _PLAIN and not percentile:
         raise StudyInputError(
-            f"{text}: there is no statistic {statistic}{did_you_mean(statistic, _PLAIN)}",
+            f"{text}: unknown statistic {statistic}{did_you_mean(statistic, _PLAIN)}",
             hint=f"use {', '.join(_PLAIN)} or a percentile such as p95",
         )
     return Number(figure, statistic)
@@ -143,5 +143,5 @@ def parse_constraint(text: str) -> Constraint:
     except ValueError:
         bound = float("nan")
     if found is None or not math.isfinite(bound):
-        raise StudyInputError(f"{text!r} is no constraint", hint='write it like "saturated_share.mean<=0.05"')
+        raise StudyInputError(f"{text!r} is not a constraint", hint='write it like "saturated_share.mean<=0.05"')
     return Constraint(parse_number(found[1]), found[2] == "<=", bound)

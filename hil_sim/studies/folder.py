@@ -99,11 +99,11 @@ def _digest_in(path: Path) -> str:
 
 
 def _refuse_strange_folder(path: Path) -> None:
-    """Never write among files that are somebody else's."""
+    """Refuse a folder with foreign files."""
     known = any((path / name).exists() for name in (DEFINITION_FILE, BATCHES_FILE))
     if not known and path.is_dir() and any(path.iterdir()):
-        hint = "choose another folder with --out; it is made if it does not exist"
-        raise StudyFolderError(f"{path} holds files, but no study", hint=hint)
+        hint = "choose another folder with --out; a missing folder is created"
+        raise StudyFolderError(f"{path} has files, but no study", hint=hint)
 
 
 def _refuse_other_study(path: Path, wanted: dict[str, Any]) -> None:
@@ -118,13 +118,13 @@ def _refuse_other_study(path: Path, wanted: dict[str, Any]) -> None:
         if digest == _digest(wanted):
             return  # it is written anew
         hint = (
-            f"the finished batches are kept, and only their study's own command may go on with them. Give it with "
-            f"another --out, copy the {DEFINITION_FILE} that it writes there to {path}, and give it again"
+            "the finished batches are kept, but only with their definition. Start the command with another "
+            f"--out, copy its {DEFINITION_FILE} to {path}, and repeat the original command"
         )
         raise StudyFolderError(f"{file} is damaged: {error}", hint=hint) from error
     if lines:
         more = f" and {len(lines) - _SHOWN} more" if len(lines) > _SHOWN else ""
         raise StudyFolderError(
-            f"{path} holds another study: {'; '.join(lines[:_SHOWN])}{more}",
+            f"{path} has another study: {'; '.join(lines[:_SHOWN])}{more}",
             hint="start over with --fresh (its runs are lost), or choose another folder with --out",
         )

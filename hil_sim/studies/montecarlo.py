@@ -22,7 +22,7 @@ from hil_sim.studies.pools import Pool
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
 from hil_sim.studies.study_summary import ranking, summarise
 from omniwheel import files
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 ROWS_FILE = "runs.npy"
 SUMMARY_FILE = "summary.json"
@@ -62,7 +62,7 @@ def open_study(plan: Plan, path: Path, *, fresh: bool = False) -> StudyFolder:
 
 
 def run_study(plan: Plan, folder: StudyFolder, pool: Pool, progress: Progress = no_progress) -> Outcome:
-    """Do the study and write its results, the same bytes whoever did the work."""
+    """Do the study and write its results, byte for byte equal for every pool of workers."""
     runner = Runner(folder.store, pool, plan.batch_runs, progress)
     rows = runner.one(Point(plan.scenario), plan.first_seed, plan.runs)
     worst = _keep_worst(plan, rows, folder.path / WORST_FOLDER)
@@ -111,7 +111,7 @@ def _keep_worst(plan: Plan, rows: NDArray[Any], folder: Path) -> list[tuple[Path
         write_scenario(plan.scenario.with_seed(seed), path, f"Number {place} of the worst runs by {plan.worst_by}.")
         if engine.run_rows(load_scenario(path), seed, 1).tobytes() != rows[row : row + 1].tobytes():
             raise StudyError(
-                f"{path} does not repeat the run that it was kept for",
+                f"{path} does not reproduce its run",
                 hint="this is a defect of omniwheel; please report it with the study's folder",
             )
         kept.append((path, int(row)))

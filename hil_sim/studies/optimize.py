@@ -36,7 +36,7 @@ from hil_sim.studies.study_summary import summarise
 from omni_schema import SchemaError
 from omniwheel import files, parameter_file
 from omniwheel.errors import MissingPackageError, OmniError
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 BEST_FILE = "best.toml"
 SUMMARY_FILE = "summary.json"
@@ -129,10 +129,10 @@ def open_study(plan: Plan, path: Path, *, fresh: bool = False) -> StudyFolder:
     """Check the plan and open its folder. Raises StudyError, CoreError, MissingPackageError."""
     check_plan(plan.scenario, plan.first_seed, 2 * plan.runs, plan.batch_runs)
     if plan.sampler not in SAMPLERS:
-        raise StudyInputError(f"there is no sampler {plan.sampler}; there are {', '.join(SAMPLERS)}")
+        raise StudyInputError(f"unknown sampler {plan.sampler}; known are {', '.join(SAMPLERS)}")
     for axis in plan.axes:
         if axis.of_the_world or axis.named:
-            what = "is the world's, not the robot's" if axis.of_the_world else "is no range"
+            what = "is a number of the world, not of the robot" if axis.of_the_world else "is not a range"
             raise StudyInputError(
                 f"{axis.name} {what}: it cannot be optimised", hint="write NAME=LOW:HIGH or NAME=LOW:HIGH:log"
             )
@@ -154,7 +154,7 @@ def run_study(
         why = nearest.refusal or nearest.broken
         raise StudyError(
             f"none of {len(trials)} trials keeps the constraints; the nearest: {why}",
-            hint=f"{_way_out(plan, why)}; all trials are in {folder.path / TRIALS_FILE}",
+            hint=f"{_remedy(plan, why)}; all trials are in {folder.path / TRIALS_FILE}",
         )
     first = plan.first_seed + plan.runs
     before, after = (_judge(plan, runner, values, first) for values in (_present(plan), best.values))
@@ -163,10 +163,10 @@ def run_study(
     return outcome
 
 
-def _way_out(plan: Plan, why: str) -> str:
+def _remedy(plan: Plan, why: str) -> str:
     if ALL_COMPLETED in plan.bounds and str(ALL_COMPLETED) in why:
         return f'runs that end early (--duration, an event) never reach their end: constrain "{COMPLETED}.mean>=0"'
-    return "loosen a constraint, widen a range or try more"
+    return "loosen a constraint, widen a range or use more --trials"
 
 
 def _search(plan: Plan, runner: Runner, told: Told) -> list[Trial]:
@@ -184,12 +184,12 @@ def _search(plan: Plan, runner: Runner, told: Told) -> list[Trial]:
             trial = _try(plan, runner, number, {axis.name: _suggest(asked, axis) for axis in plan.axes})
             trials.append(trial)
             asked.set_user_attr("violation", min(trial.violation, _REFUSED))
-            study.tell(asked, _told_value(trial))
+            study.tell(asked, _reported_value(trial))
             told(trial, _best(trials))
     return trials
 
 
-def _told_value(trial: Trial) -> float:
+def _reported_value(trial: Trial) -> float:
     if trial.feasible:
         return trial.objective
     return min(_WORSE * (1.0 + trial.violation), _REFUSED)

@@ -61,15 +61,15 @@ def batches(point: Point, first_seed: int, runs: int, batch_runs: int) -> Iterat
 def check_plan(scenario: Scenario, first_seed: int, runs: int, batch_runs: int) -> None:
     """Refuse a plan that has no runs, no end, or seeds that do not exist. Raises StudyInputError, CoreError."""
     if runs < 1:
-        raise StudyInputError(f"{runs} runs are no study", hint="give --runs a number from 1")
+        raise StudyInputError(f"{runs} runs are too few", hint="give --runs a number from 1")
     if batch_runs < RUNS_AT_ONCE or batch_runs % RUNS_AT_ONCE:
         raise StudyInputError(f"a batch of {batch_runs} runs", hint=f"give --batch a multiple of {RUNS_AT_ONCE}")
     if not 0 <= first_seed <= MAX_SEED - runs:
-        raise StudyInputError(f"seeds from {first_seed} on do not exist", hint=f"the largest seed is {MAX_SEED}")
+        raise StudyInputError(f"seeds from {first_seed} on are out of range", hint=f"the largest seed is {MAX_SEED}")
     core.robot_config(scenario.parameter_values(), scenario.robot.table, 0)
     if _endless(scenario):
         raise StudyInputError(
-            f"{scenario.name} has no end: nothing in it ends a run before an hour has passed",
+            f"{scenario.name} has no end within an hour",
             hint="end every run after a time with --duration S, or give the scenario a trajectory with an end",
         )
 

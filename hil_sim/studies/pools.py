@@ -114,5 +114,5 @@ def _work(todo: queue.SimpleQueue[Batch | None], done: queue.SimpleQueue[Done | 
     while (batch := todo.get()) is not None and not cancel.is_set:
         try:
             done.put(perform(batch, cancel))
-        except BaseException as error:  # whoever waits for the batch must hear of it
+        except BaseException as error:  # passed on to the caller that waits for the batch
             done.put(error)

@@ -83,12 +83,12 @@ def _parse(word: str, table: ParameterTable) -> Axis:
     name, equals, text = word.partition("=")
     name = name.strip()
     if not equals or not name or not text.strip():
-        raise StudyInputError(f"{word!r} is no range", hint=_FORM)
+        raise StudyInputError(f"{word!r} is not a range", hint=_FORM)
     quantity = _quantity(name, table)
     if ":" not in text:
         values = tuple(quantity.parse(part.strip()) for part in text.split(","))
         if len(set(values)) < len(values):
-            raise StudyInputError(f"{word!r} has a value twice", hint=_FORM)
+            raise StudyInputError(f"{word!r} has a duplicate value", hint=_FORM)
         return quantity.axis(min(values), max(values), values, named=True)
     return _range(word, quantity, text.split(":"))
 
@@ -107,7 +107,7 @@ class _Quantity:
             return self.parameter.parse(_SOURCE, self.name, given)
         number = WORLD_NUMBERS[self.name[len(WORLD_PREFIX) :]]
         if isinstance(given, str) or not number.holds(given):
-            raise SchemaError(_SOURCE, self.name, f"is {text}; allowed is {number.allowed}")
+            raise SchemaError(_SOURCE, self.name, f"is {text}; must be {number.allowed}")
         return given
 
     def axis(self, low: float, high: float, values: tuple[float, ...], **more: bool) -> Axis:
@@ -123,10 +123,10 @@ def _quantity(name: str, table: ParameterTable) -> _Quantity:
         key = name[len(WORLD_PREFIX) :]
         if key in WORLD_LISTS:
             hint = "write it into the scenario's [world], as a list or as one number for all wheels"
-            raise StudyInputError(f"{key} is a number of each wheel; it cannot be set or varied here", hint=hint)
+            raise StudyInputError(f"{key} has one number per wheel; --set and --param cannot change it", hint=hint)
         if key not in WORLD_NUMBERS:
             hint = f"the world has {', '.join(WORLD_NUMBERS)}"
-            raise StudyInputError(f"the world has no number {key}{did_you_mean(key, WORLD_NUMBERS)}", hint=hint)
+            raise StudyInputError(f"unknown number of the world {key}{did_you_mean(key, WORLD_NUMBERS)}", hint=hint)
         return _Quantity(name, None)
     parameter = table.get(name.upper())
     if parameter is None:
@@ -134,13 +134,13 @@ def _quantity(name: str, table: ParameterTable) -> _Quantity:
         guess = did_you_mean(WORLD_PREFIX + name, map(WORLD_PREFIX.__add__, WORLD_NUMBERS) if of_the_world else ())
         guess = guess or did_you_mean(name, table)
         hint = f"`omni robots params NAME` prints all; a number of the world begins with {WORLD_PREFIX}"
-        raise StudyInputError(f"there is no parameter {name}{guess}", hint=hint)
+        raise StudyInputError(f"unknown parameter {name}{guess}", hint=hint)
     return _Quantity(name.upper(), parameter)
 
 
 def _range(word: str, quantity: _Quantity, parts: Sequence[str]) -> Axis:
     if len(parts) not in (2, 3) or not all(part.strip() for part in parts):
-        raise StudyInputError(f"{word!r} is no range", hint=_FORM)
+        raise StudyInputError(f"{word!r} is not a range", hint=_FORM)
     if quantity.parameter is not None and quantity.parameter.kind in ("enum", "bool"):
         raise StudyInputError(
             f"{quantity.name} is a choice, not a range", hint=f"write {quantity.name}=VALUE,VALUE,..."
@@ -164,7 +164,7 @@ def _count(word: str, text: str) -> int:
     except ValueError:
         count = 0
     if not 2 <= count <= MAX_POINTS:
-        raise StudyInputError(f"{word!r}: {text} is no number of points from 2 to {MAX_POINTS}", hint=_FORM)
+        raise StudyInputError(f"{word!r}: {text} is not a number of points from 2 to {MAX_POINTS}", hint=_FORM)
     return count
 
 
@@ -173,7 +173,7 @@ def parse_axes(words: Sequence[str], table: ParameterTable) -> list[Axis]:
     axes = [parse_axis(word, table) for word in words]
     found = [axis.name for axis in axes]
     if not axes:
-        raise StudyInputError("nothing is varied", hint="give --param NAME=LOW:HIGH at least once")
+        raise StudyInputError("no parameter is varied", hint="give --param NAME=LOW:HIGH at least once")
     if len(set(found)) < len(found):
         raise StudyInputError(f"{next(name for name in found if found.count(name) > 1)} is given twice")
     return axes
@@ -199,7 +199,7 @@ def sobol(axes: Sequence[Axis], scenario: Scenario, count: int, seed: int) -> li
         hint = "pip install 'omniwheel[study]', or in a clone: make setup"
         raise MissingPackageError("--sobol needs SciPy, which is not installed", hint=hint) from error
     if not 1 <= count <= MAX_POINTS:
-        raise StudyInputError(f"{count} points; allowed are 1 to {MAX_POINTS}")
+        raise StudyInputError(f"{count} points; must be 1 to {MAX_POINTS}")
     engine = qmc.Sobol(len(axes), scramble=True, seed=np.random.default_rng(seed))
     shares = engine.random_base2(math.ceil(math.log2(count)) if count > 1 else 0)[:count]
     return [

@@ -114,7 +114,7 @@ class BatchStore:
             yield
         except OSError as error:
             said = write_error(self._path, error)
-            hint = f"{said.hint}; finished batches are kept: the same command goes on"
+            hint = f"{said.hint}; finished batches are kept: repeat the command to continue"
             raise OutputFileError(said.message, hint=hint) from error
 
     def _read(self) -> None:
@@ -138,7 +138,7 @@ class BatchStore:
         for runs in range(1, min(whole, _MOST_RUNS) + 1):
             if self._record_length(runs):
                 hint = f"give --batch {runs}, or choose another folder with --out"
-                raise StudyFolderError(f"{self._path} holds batches of {runs} runs", hint=hint)
+                raise StudyFolderError(f"{self._path} has batches of {runs} runs", hint=hint)
 
     def _record_length(self, runs: int) -> int:
         """Return the length of the first record if it is one of this many runs, else 0."""

@@ -28,7 +28,7 @@ class Progress(Protocol):
 
 
 def no_progress(runs: int, simulated_s: float, *, kept: bool) -> None:
-    """Tell nobody."""
+    """Report no progress."""
 
 
 def base_definition(scenario: Scenario, first_seed: int, batch_runs: int) -> dict[str, Any]:

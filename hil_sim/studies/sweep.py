@@ -21,7 +21,7 @@ from hil_sim.studies.space import Axis
 from hil_sim.studies.study import Progress, Runner, base_definition, no_progress
 from hil_sim.studies.study_summary import summarise
 from omniwheel import files
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 SUMMARY_FILE = "summary.json"
 TABLE_FILE = "points.csv"
@@ -67,7 +67,7 @@ def open_study(plan: Plan, path: Path, *, fresh: bool = False) -> StudyFolder:
 
 
 def run_study(plan: Plan, folder: StudyFolder, pool: Pool, progress: Progress = no_progress) -> list[PointResult]:
-    """Run all points and write summary and table, the same bytes whoever did the work."""
+    """Run all points and write summary and table, byte for byte equal for every pool of workers."""
     runner = Runner(folder.store, pool, plan.batch_runs, progress)
     refused = runner.complete(plan.points, plan.first_seed, plan.runs)
     results = []

@@ -19,7 +19,7 @@ from hil_sim.studies.sweep import Plan, PointResult
 from omniwheel.plot_style import MARK, TRUTH
 
 HEIGHT_PX = 800
-_PLAIN = Shown("share of runs driven to the end", "%", 100.0, 1)
+_PLAIN = Shown("fraction of runs driven to the end", "%", 100.0, 1)
 _MAP = "viridis"
 
 

@@ -14,7 +14,7 @@ from omniwheel import files
 PAGE_FILE = "montecarlo.md"
 SPREAD_HEADINGS = ("", "mean", "± 95 %", "sd", "median", "5 %", "95 %", "99 %", "worst")
 
-NO_FIGURES = "none of them drove on a path, so there are no figures"
+NO_FIGURES = "none of them drove on a path, so there are no metrics"
 
 
 def spread_rows(summary: dict[str, Any]) -> list[list[str]]:
@@ -69,8 +69,8 @@ def write_montecarlo_page(summary: dict[str, Any], picture: str, path: Path) -> 
         f"{summary['simulated_s']:.1f} s simulated, omniwheel {summary['engine']['omniwheel']}.",
         markdown_table(SPREAD_HEADINGS, rows) if (rows := spread_rows(summary)) else f"{NO_FIGURES.capitalize()}.",
         "\n".join(f"- {line}" for line in (completion_line(summary), *fault_lines(summary))),
-        f"![How the figures spread]({picture})",
-        f"Worst runs by {FIGURES[summary['worst_by']].heading}; `omni sim FILE` drives one again:",
+        f"![Distribution of the metrics]({picture})",
+        f"Worst runs by {FIGURES[summary['worst_by']].heading}; `omni sim FILE` repeats one:",
         markdown_table(("file", "seed", FIGURES[summary["worst_by"]].heading), worst),
     ]
     files.write_text(path, "\n\n".join(parts) + "\n")

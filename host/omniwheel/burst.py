@@ -65,13 +65,13 @@ class Burst:
     def __getitem__(self, name: str) -> Array:
         """Return a signal; LogError if it was not recorded."""
         if name not in self.signals:
-            raise LogError(f"the burst holds no {name}", hint=f"it holds {', '.join(self.signals)}")
+            raise LogError(f"the burst has no signal {name}", hint=f"it has {', '.join(self.signals)}")
         return self.signals[name]
 
     def wheel(self, name: str, wheel: int) -> Array:
         """Return the samples of one wheel's signal."""
         if wheel not in self.wheels:
-            raise LogError(f"the burst holds nothing of wheel {wheel}")
+            raise LogError(f"the burst has no samples of wheel {wheel}")
         return np.asarray(self[name][:, self.wheels.index(wheel)], dtype=np.float64)
 
     def save(self, path: Path) -> None:
@@ -110,7 +110,7 @@ def load_burst(path: Path) -> Burst:
             complete=bool(stored["complete"]),
         )
     except (OSError, NotAnArchiveError, KeyError, ValueError, TypeError) as error:
-        raise LogError(f"{path} is no burst ({error})", hint="give a burst.npz of `omni experiment`") from error
+        raise LogError(f"{path} is not a burst ({error})", hint="give a burst.npz of `omni experiment`") from error
 
 
 @dataclass(frozen=True)
@@ -125,15 +125,17 @@ class _Column:
 def parse_burst(data: bytes) -> Burst:
     """Read the bytes that the robot sends. Raises LogError for anything but a whole burst."""
     if len(data) < _HEADER.size + _CRC_BYTES or data[:4] != _MAGIC:
-        raise LogError("what the robot sent is no burst", hint="is its firmware of this version?")
+        raise LogError("the robot's data is not a burst", hint="check that its firmware has this version")
     if zlib.crc32(data[:-_CRC_BYTES]) != struct.unpack("<I", data[-_CRC_BYTES:])[0]:
-        raise LogError("the burst is damaged: its CRC is wrong", hint="record it once more")
+        raise LogError("the burst is damaged: its CRC is wrong", hint="record it again")
     _, version, size, start_us, samples, width, every, tick_us, number, first, last, columns, end = _HEADER.unpack_from(
         data
     )
     known = version == _VERSION and size == _HEADER.size + columns * _COLUMN.size and width == 4 * columns
     if not known or len(data) != size + samples * width + _CRC_BYTES:
-        raise LogError(f"the burst has format {version}, not {_VERSION}", hint="install the robot's version here, too")
+        raise LogError(
+            f"the burst has format {version}, not {_VERSION}", hint="install omniwheel in the robot's version"
+        )
     table = [_column(data, _HEADER.size + i * _COLUMN.size) for i in range(columns)]
     words = np.frombuffer(data, "<u4", samples * columns, size).reshape(samples, columns)
     signals, units, wheels = _signals(table, words)
@@ -156,7 +158,9 @@ def parse_burst(data: bytes) -> Burst:
 def _column(data: bytes, at: int) -> _Column:
     name, unit, scale, kind, index = _COLUMN.unpack_from(data, at)
     if kind not in _TYPES:
-        raise LogError(f"the burst has numbers of an unknown type {kind}", hint="install the robot's version here, too")
+        raise LogError(
+            f"the burst has numbers of an unknown type {kind}", hint="install omniwheel in the robot's version"
+        )
     return _Column(_text(name), _text(unit), _decimal(scale), kind, index)
 
 

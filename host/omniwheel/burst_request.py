@@ -119,8 +119,8 @@ class BurstRequest:
             return f"it has {length} samples, not {asked.samples}"
         ahead = (burst.number - (self._last_number or 0) - self._begun_since) % _NUMBERS
         if self._last_number is not None and 0 < ahead < _NUMBERS // 2:
-            return f"it is number {burst.number}, {ahead} more than was begun here"
-        return "" if self._is_in_time(burst) else "it began at another time"
+            return f"it is number {burst.number}, {ahead} more than this program requested"
+        return "" if self._is_in_time(burst) else "its start time differs"
 
     def _is_in_time(self, burst: Burst) -> bool:
         if self._earliest is None:

@@ -43,7 +43,7 @@ class ByteBudget:
 
 
 class MeteredLink:
-    """A link whose written bytes are counted and charged to a budget, whoever writes them."""
+    """A link whose written bytes are all counted and charged to a budget."""
 
     def __init__(self, base: Link, budget: ByteBudget) -> None:
         self.url = base.url

@@ -29,7 +29,7 @@ def refused_parameters(values: Sequence[float], table: ParameterTable, bad_index
     if bad_index < 0:
         return CoreError("the parameters do not fit together; check the geometry and the motor model")
     parameter = table.parameters[bad_index]
-    return CoreError(f"{parameter.name} = {values[bad_index]:g} cannot be used; allowed is {parameter.allowed}")
+    return CoreError(f"{parameter.name} = {values[bad_index]:g} cannot be used; must be {parameter.allowed}")
 
 
 def plan_trajectory(config: Any, pose: Any, waypoints: Any = ffi.NULL) -> Any:

@@ -86,13 +86,13 @@ def drawn_path(
     """
     given = _checked(line)
     if not (math.isfinite(speed_m_s) and speed_m_s > 0.0):
-        raise DrawnPathError(f"the speed has to be more than 0 m/s, not {speed_m_s!r}")
+        raise DrawnPathError(f"the speed must be above 0 m/s, not {speed_m_s!r}")
     closed = not 0.0 < laps <= 1.0
     if closed and math.dist(given[0], given[-1]) > 1e-9:
         given = np.vstack([given, given[:1]])
     length_m = float(np.hypot(*np.diff(given, axis=0).T).sum())
     if length_m < SHORTEST_M:
-        raise DrawnPathError(f"the path is {length_m:.3f} m long; it has to be {SHORTEST_M:g} m or more")
+        raise DrawnPathError(f"the path is {length_m:.3f} m long; must be {SHORTEST_M:g} m or more")
     count = min(MOST_POINTS + closed, max(3 + closed, 1 + round(length_m / _POINT_M)))
     places = _evenly(given, count)
     if closed:
@@ -140,13 +140,13 @@ def read_line(path: Path) -> list[list[float]]:
 
 def _checked(line: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     if not 2 <= len(line) <= MOST_GIVEN:
-        raise DrawnPathError(f"a path has 2 to {MOST_GIVEN} points, not {len(line)}")
+        raise DrawnPathError(f"a path must have 2 to {MOST_GIVEN} points, not {len(line)}")
     try:
         given = np.array([[float(x), float(y)] for x, y in line])
     except (TypeError, ValueError):
-        raise DrawnPathError("each point of a path is x and y in metres") from None
+        raise DrawnPathError("each point of a path must be x and y in metres") from None
     if not (np.abs(given) <= _FARTHEST_M).all():
-        raise DrawnPathError(f"the points of a path have to be numbers up to {_FARTHEST_M:g} m")
+        raise DrawnPathError(f"the points of a path must be numbers within ± {_FARTHEST_M:g} m")
     return given
 
 

@@ -29,7 +29,7 @@ READY = b'{"ready":true}'
 _INJECT_UART = 4
 _STORAGE = "storage"
 _LOG = "log"
-_LINK_KINDS = "tcp:HOST:PORT, udp:HOST:PORT or pty[:SYMLINK] is needed"
+_LINK_KINDS = "tcp:HOST:PORT, udp:HOST:PORT or pty[:SYMLINK] expected"
 
 
 class EmulatedFirmware(FirmwareChild):
@@ -98,14 +98,14 @@ class EmulatedFirmware(FirmwareChild):
         if self._wanted[number] != DIRECT:
             return super().open_link(number)
         if self._direct is None:
-            raise LinkOpenError("the direct link to the emulated firmware has been opened before")
+            raise LinkOpenError("the direct link to the emulated firmware can be opened only once")
         mine, self._direct = self._direct, None
         return StreamLink(DIRECT, mine)
 
     def open_pins(self) -> socket.socket:
         """Return the connection to the pins of a firmware with ``pins``; at most once. Closing it ends the emulator."""
         if not self._uses_stdio or self._direct is None:
-            raise LinkOpenError("the emulated firmware has no pins for a world, or they have been taken before")
+            raise LinkOpenError("the emulated firmware has no pins for a world, or they are already in use")
         mine, self._direct = self._direct, None
         return mine
 
@@ -244,7 +244,7 @@ class _SerialPorts:
 def _split(link: str, address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
     if not host or not port.isdecimal() or len(port) > 5 or int(port) > 65535:
-        raise FirmwareStartError(f"--link '{link}': HOST:PORT with a port 0..65535 is needed")
+        raise FirmwareStartError(f"--link '{link}'; must be HOST:PORT with a port from 0 to 65535")
     return host, int(port)
 
 

@@ -23,9 +23,9 @@ from omniwheel.errors import OutputFileError, OutputPathError
 _ALL = 0o666
 _HINTS = {
     errno.ENOSPC: "the disk is full: free some space, or choose another folder",
-    errno.EDQUOT: "your share of the disk is used up: remove files of yours, or choose another folder",
-    errno.EFBIG: "files may not become that large here: see `ulimit -f`, or choose another disk",
-    errno.EIO: "the disk does not work: try another one",
+    errno.EDQUOT: "your disk quota is used up: remove some of your files, or choose another folder",
+    errno.EFBIG: "the file size limit is reached: see `ulimit -f`, or choose another disk",
+    errno.EIO: "the disk has a fault: use another one",
 }
 _BAD_PATHS = (
     errno.ENOENT,
@@ -38,7 +38,7 @@ _BAD_PATHS = (
     errno.ENAMETOOLONG,
     errno.ELOOP,
 )
-"""What somebody else than the disk has to put right: bad input."""
+"""Errors of bad input rather than of the disk."""
 
 
 def home() -> Path | None:
@@ -89,7 +89,7 @@ def save_picture(figure: Any, path: Path | str) -> None:
     ending = Path(path).suffix[1:].lower() or "png"
     if ending not in figure.canvas.get_supported_filetypes():
         raise OutputPathError(
-            f"{path}: {ending!r} is no kind of picture", hint="let the name end in .png, .svg or .pdf"
+            f"{path}: {ending!r} is not an image format", hint="use a name that ends in .png, .svg or .pdf"
         )
     with replaced(path) as file:
         figure.savefig(file, format=ending, metadata={"Software": None} if ending == "png" else None)

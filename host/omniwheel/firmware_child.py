@@ -138,7 +138,7 @@ class FirmwareChild(ABC):
         return True
 
     def _not_started(self) -> FirmwareStartError:
-        *before, last = (self.messages or "nothing on standard error").splitlines()
+        *before, last = (self.messages or "no output on standard error").splitlines()
         if last.endswith(os.strerror(errno.EADDRINUSE)):
             before.append(listen_hint(errno.EADDRINUSE))
         return FirmwareStartError(f"the firmware did not start: {last}", hint="\n".join(before))

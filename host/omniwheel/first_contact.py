@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Until a robot is heard for the first time: whom a connection is to, and why nobody is there."""
+"""The first heartbeat of a robot: selects the robot of a connection, or gives the cause of its absence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ LISTEN_S = 1.1
 ANSWERS_APART_S = 0.05
 """Robots that are asked at the same time answer within this time of each other, beside the line's delay."""
 _STOP_AGAIN_S = 0.25
-_KEY_HINT = "`omni radio key show` tells the fingerprints of the robot's key (over USB) and of a file's"
+_KEY_HINT = "`omni radio key show` shows the fingerprints of the robot's key (over USB) and of a key file"
 _SIGN_HINT = "give its key with --signing-key FILE or OMNI_SIGNING_KEY; over USB none is needed"
 
 
@@ -35,11 +35,11 @@ def await_robot(connection: Connection, system_id: int | None, timeout_s: float,
     with connection.only_listener(heard.append):
         found = _stopping(connection, wanted, system_id, timeout_s) if stop else connection.wait(wanted, timeout_s)
         if found is None and connection.wrongly_signed:
-            raise SigningKeyError(f"what comes from {connection.link.url} is signed with another key", hint=_KEY_HINT)
+            raise SigningKeyError(f"messages from {connection.link.url} are signed with another key", hint=_KEY_HINT)
         if found is None:
             raise _no_heartbeat(connection, system_id, timeout_s, _robots(heard))
         if connection.signer is None and is_signed(found.get_msgbuf()):
-            raise SigningKeyError(f"the robot at {connection.link.url} wants signed messages", hint=_SIGN_HINT)
+            raise SigningKeyError(f"the robot at {connection.link.url} requires signed messages", hint=_SIGN_HINT)
         if system_id is None and connection.sends_heartbeats:
             _listen_for_others(connection, found)
     robots = _robots(heard)
@@ -89,11 +89,11 @@ def _no_heartbeat(
 ) -> LinkTimeoutError:
     url = connection.link.url
     if connection.rx_bytes == 0:
-        message = f"nothing came from {url} within {timeout_s:g} s"
-        return LinkTimeoutError(message, hint="is the robot switched on, and this the right port?")
+        message = f"no data from {url} within {timeout_s:g} s"
+        return LinkTimeoutError(message, hint="check that the robot is switched on and the port is right")
     if connection.rx_bad_bytes * 2 > connection.rx_bytes:
-        message = f"what comes from {url} is not MAVLink 2 ({connection.rx_bytes} bytes in {timeout_s:g} s)"
-        return LinkTimeoutError(message, hint="wrong baud rate, or another device? give the rate as PORT,BAUD")
+        message = f"the data from {url} is not MAVLink 2 ({connection.rx_bytes} bytes in {timeout_s:g} s)"
+        return LinkTimeoutError(message, hint="check the baud rate, given as PORT,BAUD, and the device")
     who = "a robot" if system_id is None else f"a robot with system id {system_id}"
-    hint = f"robots with the system ids {', '.join(map(str, others))} are on this line" if others else ""
-    return LinkTimeoutError(f"{url} speaks MAVLink, but no heartbeat of {who} came within {timeout_s:g} s", hint=hint)
+    hint = f"robots with the system ids {', '.join(map(str, others))} are on this link" if others else ""
+    return LinkTimeoutError(f"{url} sends MAVLink, but no heartbeat of {who} within {timeout_s:g} s", hint=hint)

@@ -31,7 +31,7 @@ SLOW_BAUD = 57_600
 LAST_PORT = 65535
 WRITE_TIMEOUT_S = 5.0
 _READ_SIZE = 65536
-_ALLOWED = "allowed are /dev/ttyACM0[,baud], COM3[,baud], tcp:host:port, udp:host:port, udpout:host:port"
+_ALLOWED = "use /dev/ttyACM0[,baud], COM3[,baud], tcp:host:port, udp:host:port or udpout:host:port"
 _NETWORK_KINDS = {"tcp": "tcp", "udp": "udpin", "udpin": "udpin", "udpout": "udpout"}
 
 
@@ -71,7 +71,7 @@ class LinkAddress:
 
 
 def parse_url(url: str) -> LinkAddress:
-    """Understand a link URL; raise LinkUrlError that says what is allowed."""
+    """Understand a link URL; raise LinkUrlError with the valid forms."""
     scheme, colon, rest = url.partition(":")
     if colon and scheme in _NETWORK_KINDS:
         return _parse_network(url, _NETWORK_KINDS[scheme], rest)
@@ -101,7 +101,7 @@ def _parse_network(url: str, kind: str, rest: str) -> LinkAddress:
     host, _, port = rest.rpartition(":")
     if not host or "/" in host or not _is_number(port, LAST_PORT):
         raise LinkUrlError(
-            f"cannot understand the link {url!r}: a host and a port from 1 to {LAST_PORT} are needed", hint=_ALLOWED
+            f"cannot understand the link {url!r}: it lacks a host and a port from 1 to {LAST_PORT}", hint=_ALLOWED
         )
     return LinkAddress(kind, host.strip("[]"), int(port))
 
@@ -149,7 +149,9 @@ class StreamLink:
         """Send all of ``data``."""
         try:
             if not select.select([], [self._socket], [], WRITE_TIMEOUT_S)[1]:
-                raise LinkLostError(f"{self.url} takes no more data", hint="the robot does not read; restart it")
+                raise LinkLostError(
+                    f"{self.url} accepts no more data", hint="the robot does not read its input; restart it"
+                )
             self._socket.sendall(data)
         except OSError as error:
             raise self._lost() from error
@@ -159,7 +161,9 @@ class StreamLink:
         self._socket.close()
 
     def _lost(self) -> LinkLostError:
-        hint = "the robot serves one client per port: is another program connected, or did the robot stop?"
+        hint = (
+            "the robot serves one client per port: check for another connected program, and that the robot still runs"
+        )
         return LinkLostError(f"the robot closed the connection {self.url}", hint=hint)
 
 
@@ -170,7 +174,7 @@ class TcpLink(StreamLink):
         try:
             connection = socket.create_connection((address.place, address.number), timeout_s)
         except OSError as error:
-            hint = "is the robot or `omni sitl` listening there? check host and port"
+            hint = "check host and port, and that the robot or `omni sitl` is listening"
             raise _open_error(url, error, hint) from error
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         super().__init__(url, connection)
@@ -279,16 +283,16 @@ class SerialLink:
         self._port.close()
 
     def _lost(self, error: Exception) -> LinkLostError:
-        return LinkLostError(f"lost the serial port {self.url}: {error}", hint="was it unplugged?")
+        return LinkLostError(f"lost the serial port {self.url}: {error}", hint="check the cable")
 
 
 def _serial_open_error(url: str, error: Exception) -> LinkOpenError:
     number = getattr(error, "errno", None)
     if number == errno.ENOENT:
-        return LinkOpenError(f"cannot open {url}: there is no such port", hint="`omni doctor` lists the serial ports")
+        return LinkOpenError(f"cannot open {url}: no such port", hint="`omni doctor` lists the serial ports")
     if number == errno.EACCES:
         hint = "on Linux, add yourself to the group dialout (or uucp) and log in again"
         return LinkOpenError(f"cannot open {url}: no permission", hint=hint)
     text = str(error)
-    hint = "`omni doctor` lists the serial ports; is another program using it?"
+    hint = "`omni doctor` lists the serial ports; another program may use it"
     return LinkOpenError(f"cannot open {url}: {text}", hint=hint)

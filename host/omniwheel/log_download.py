@@ -41,7 +41,7 @@ class LogDownload:
             entry = self._connection.wait(lambda m: m.get_type() == "LOG_ENTRY", PATIENCE_S)
             if entry is not None:
                 return int(entry.size) if entry.num_logs else 0
-        raise LinkTimeoutError("the robot does not answer what logs it has")
+        raise LinkTimeoutError("the robot does not respond to the log list request")
 
     def await_log(self, timeout_s: float) -> int:
         """Return the size of the newest log as soon as it is finished. Raises LogError if that takes too long."""
@@ -51,13 +51,15 @@ class LogDownload:
             if size > 0:
                 return size
             if self._connection.clock() >= end:
-                raise LogError(f"the robot has no finished log after {timeout_s:g} s", hint="was one begun?")
+                raise LogError(
+                    f"the robot has no finished log after {timeout_s:g} s", hint="check that a log was started"
+                )
             self._connection.pump(0.05)
 
     def fetch(self, size: int, progress: Progress | None = None) -> bytes:
         """Return the log's bytes. Raises LogError, or LinkTimeoutError if the robot goes silent."""
         if size > MOST_BYTES:
-            raise LogError(f"the robot's log has {size} bytes; that cannot be")
+            raise LogError(f"the robot's log has {size} bytes, which is impossible")
         pieces: dict[int, bytes] = {}
         remove = self._connection.add_listener(lambda m: _keep(m, pieces, size))
         total = -(-size // PIECE)
@@ -85,7 +87,7 @@ class LogDownload:
         if len(pieces) > before:
             return 0
         if tries >= TRIES:
-            raise LinkTimeoutError("the robot sends no more of its log", hint="is it still switched on and in reach?")
+            raise LinkTimeoutError("the robot stopped sending its log", hint="check its power and the link")
         return tries + 1
 
 

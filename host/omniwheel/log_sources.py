@@ -36,13 +36,13 @@ def open_log(
     if path.is_dir():
         return read_run(path)
     if not path.is_file():
-        raise LogError(f"there is no log {path}", hint=f"a log is {LOG_KINDS}")
+        raise LogError(f"{path}", hint=f"a log is {LOG_KINDS}")
     if path.suffix == ".tlog":
         return read_tlog(path, robot, part)
     if path.suffix == ".npz":
         return load_log(path)
     if mapping is None:
-        raise LogError(f"{path}: which column is what?", hint=f"give --mapping FILE; a log is {LOG_KINDS}")
+        raise LogError(f"{path}: a CSV file needs a column mapping", hint=f"give --mapping FILE; a log is {LOG_KINDS}")
     return import_log(path, read_mapping(mapping), truth)[0]
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 class NotAnArchiveError(ValueError):
-    """A file that is no NumPy archive, or a damaged one."""
+    """A file that is not a NumPy archive, or is damaged."""
 
 
 def read_npz(path: Path) -> dict[str, NDArray[Any]]:
@@ -22,4 +22,4 @@ def read_npz(path: Path) -> dict[str, NDArray[Any]]:
     except OSError:
         raise
     except Exception as error:  # whatever zipfile, zlib, NumPy and the tokenizer of its headers come up with
-        raise NotAnArchiveError(f"{path} is no NumPy archive, or a damaged one ({error})") from error
+        raise NotAnArchiveError(f"{path} is not a NumPy archive, or is damaged ({error})") from error

@@ -60,5 +60,5 @@ def require_same_hardware(changes: Changes, wheels: float, table: ParameterTable
         )
         raise OtherRobotError(
             f"these are the parameters of another robot: wheels, geometry or wiring differ ({shown})",
-            hint="nothing was set. `omni params load FILE --other-robot` sets them all the same",
+            hint="nothing was set. `omni params load FILE --other-robot` sets them anyway",
         )

@@ -81,4 +81,4 @@ def _checked(document: Mapping[str, Any], source: str, table: ParameterTable) ->
 
 
 def _bad_file(error: SchemaError) -> ParameterFileError:
-    return ParameterFileError(str(error), hint="`omni params save FILE` writes a file of the right form")
+    return ParameterFileError(str(error), hint="`omni params save FILE` writes a valid file")

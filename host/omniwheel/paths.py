@@ -23,7 +23,7 @@ def data_dir() -> Path:
     """Return the folder that holds everything below."""
     extension = find_spec("omniwheel._core")
     if extension is None or extension.origin is None:
-        raise MissingFileError(f"omniwheel._core is not there: {_REINSTALL}")
+        raise MissingFileError(f"omniwheel._core is missing: {_REINSTALL}")
     return Path(extension.origin).resolve().parent
 
 

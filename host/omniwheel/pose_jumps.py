@@ -4,7 +4,7 @@
 A robot moves no faster than its wheels turn. The distance between two rows of the estimate counts as driven only up to
 what the wheels can have moved the robot meanwhile (:attr:`Steps.reach_m`). A pose fix corrects a good estimate by
 millimetres, and one after a time without fixes by some centimetres. So a jump is a step that is longer by ``JUMP_M``
-or ``JUMP_RAD`` and that nobody can have made by pushing or lifting the robot either (``BY_HAND``).
+or ``JUMP_RAD`` and that pushing or lifting the robot cannot explain (``BY_HAND``).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 JUMP_M, JUMP_RAD = 0.05, 0.1
 """A step that is longer than what can be motion by so much is a jump."""
 BY_HAND = (1.0, 10.0)
-"""How fast somebody pushes, carries [m/s] or turns [rad/s] a robot whose wheels stand still."""
+"""Largest speed of a robot that is pushed or carried by hand [m/s, rad/s] while its wheels stand still."""
 BODY_PER_RIM = 2.0
 """Body speed per speed of the fastest wheel's rim. It is at most the root of 2 with four wheels evenly placed, 4/3 with
 three. The rest is for wheels placed unevenly, and for the speed between two rows."""

@@ -66,12 +66,12 @@ class PoseQuality:
         """One line that says how good the pose is."""
         size = f"±{_metres(self.position_m)}, ±{_degrees(self.heading_rad)} (95 %)"
         if self.verdict is Verdict.UNKNOWN:
-            return "pose: the robot does not say how good it is"
+            return "pose: no standard deviation reported"
         if self.verdict is Verdict.CONTRADICTED and self.wheel_noise >= NOISE_MOST:
             times = f"{self.wheel_noise:.0f} times"
-            return f"pose doubtful: it says {size}, but wheels and fixes disagree {times} as much as configured"
+            return f"pose uncertain: reported {size}, but wheels and fixes disagree {times} as much as configured"
         if self.verdict is Verdict.CONTRADICTED:
-            return f"pose doubtful: it says {size}, but its fixes are further off (NIS {self.nis_mean:.1f}, not 3)"
+            return f"pose uncertain: reported {size}, but its fixes deviate more (NIS {self.nis_mean:.1f}, not 3)"
         if self.verdict is Verdict.NO_FIXES:
             return f"pose without fixes: {size}"
         if self.verdict is Verdict.DRIFTING:
@@ -84,15 +84,16 @@ class PoseQuality:
         """What to do, "" if nothing is to be done."""
         if self.verdict is Verdict.CONTRADICTED:
             return (
-                "check delay (FIX_DELAY) and noise (EKF_R_XY, EKF_R_TH, or what they say) of the fixes, wheel sizes; "
-                "if these are right, the floor is worse than EKF_Q_XY and EKF_Q_TH say: raise them"
+                "check delay (FIX_DELAY) and noise (EKF_R_XY, EKF_R_TH, or their own values) of the fixes, wheel "
+                "sizes; "
+                "if these are right, raise EKF_Q_XY and EKF_Q_TH for this floor"
             )
         if self.verdict is Verdict.DRIFTING and self.refused:
-            return f"the robot refused {self.refused} fixes: is the pose source's frame the robot's?{self._drift()}"
+            return f"the robot rejected {self.refused} fixes: check the pose source's frame{self._drift()}"
         if self.verdict is Verdict.DRIFTING:
             return f"check the pose source (cameras, bridge, link){self._drift()}"
         if self.verdict is Verdict.NO_FIXES:
-            return f"start a pose source, or go by the wheels alone as far as this is enough{self._drift()}"
+            return f"start a pose source, or use dead reckoning where its accuracy is enough{self._drift()}"
         return ""
 
     def as_dict(self) -> dict[str, Any]:
@@ -103,7 +104,7 @@ class PoseQuality:
         if self.drift is None or not any(self.drift):
             return ""
         metres, radians = self.drift
-        return f"; without fixes it drifts about {_metres(metres)} and {_degrees(radians)} a second"
+        return f"; without fixes it drifts about {_metres(metres)} and {_degrees(radians)} per second"
 
 
 def half_axis_m(tracking: Tracking) -> float:

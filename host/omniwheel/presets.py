@@ -42,7 +42,7 @@ def find_parameter_file(name_or_path: str | Path) -> Path:
     if text in names:
         return presets_dir() / f"{text}.toml"
     hint = f"the presets are {', '.join(names)}; `omni params save FILE` writes a file"
-    raise ParameterFileError(f"there is no file or preset {text}{did_you_mean(text, names)}", hint=hint)
+    raise ParameterFileError(f"unknown file or preset {text}{did_you_mean(text, names)}", hint=hint)
 
 
 def read_preset(name_or_path: str | Path, table: ParameterTable) -> Preset:

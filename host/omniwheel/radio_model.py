@@ -169,6 +169,6 @@ class RadioBridge:
         self._robot.close()
 
     def _send(self, data: bytes) -> None:
-        """Give the ground station what came; nobody there: it is lost in the air, as with a radio."""
+        """Pass the received bytes to the ground station; without one they are lost, as with a radio."""
         if self._server.send(data) < len(data):
             self._server.hang_up()  # it does not read

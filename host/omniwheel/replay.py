@@ -103,7 +103,7 @@ def check_log_fits(log: WheelLog, robot: Robot) -> None:
             hint="correct encoder.counts_per_revolution or the column mapping",
         )
     if not np.all(np.abs(np.where(log.good, log.counts_per_period, 0.0)) <= MOST_COUNTS):
-        hint = "import it again; a counter of other than 16 or 32 bits has to be unwrapped before"
+        hint = "import it again; unwrap counters of other than 16 or 32 bits before"
         raise LogError(f"{log.name}: a wheel counts more than {MOST_COUNTS} in one period", hint=hint)
 
 
@@ -133,7 +133,7 @@ def replay(
         heading = filled(heading, replay(log, robot, turning, use_heading=False).pose[:, 2])
     if ignores and (fixes is not None or np.any(np.isfinite(heading))):
         hint = "set EKF_MODE = 1 under [parameters], or leave the heading (--no-heading) and the fixes out"
-        raise LogError(f"{robot.source}: with EKF_MODE odometry no heading and no fix can be used", hint=hint)
+        raise LogError(f"{robot.source}: EKF_MODE odometry uses no heading and no fixes", hint=hint)
     due = _rows_of_fixes(log, fixes)
     rows = len(log.time_s)
     pose, sd = np.zeros((rows, 3)), np.zeros((rows, 3))
@@ -182,7 +182,7 @@ def require_curve(log: WheelLog, calibration: Calibration | None) -> None:
         hint = "omni identify logs writes one beside the robot file; or give it with --calibration"
         raise LogError(f"{log.name}: without counts a calibration with the motors' curve is needed", hint=hint)
     if not np.any(log.duty):
-        raise LogError(f"{log.name} holds no duty", hint="map its columns ([duty] in the mapping)")
+        raise LogError(f"{log.name} has no duty columns", hint="map its columns ([duty] in the mapping)")
 
 
 def filter_wheels(log: WheelLog, robot: Robot, calibration: Calibration | None = None) -> tuple[Array, Array, Array]:
@@ -248,7 +248,10 @@ class _Engine:
         kf = ffi.addressof(self.config, "motor_kf")
         if self.sampled:
             if kf.mode == lib.OMNI_KF_MODE_ANGLE:
-                problem = f"{robot.source}: with KF_MODE angle the counts of {self.log.name} would have to add up"
+                problem = (
+                    f"{robot.source}: KF_MODE angle needs counts that add up to an angle, unlike those of "
+                    f"{self.log.name}"
+                )
                 raise LogError(problem, hint="set KF_MODE = 1 (speed) under [parameters]: each count is a speed")
             # One count in a sample is the speed of so many in a period.
             kf.rad_per_count *= self.log.period_s / self.log.sample_s

@@ -38,10 +38,10 @@ def find_robot_file(name_or_path: str | Path) -> Path:
     if path.is_file():
         return path
     names = robot_names()
-    hint = f"the robots that come with omniwheel are {', '.join(names)}; `omni robots new` starts a file of your own"
+    hint = f"the robots that come with omniwheel are {', '.join(names)}; `omni robots new` creates a robot file"
     if Path(f"{text}.toml").is_file():
-        hint = f"a file is named with its ending: {text}.toml"
-    raise RobotFileError(f"there is no robot or file {text}{did_you_mean(text, names)}", hint=hint)
+        hint = f"give a file with its suffix: {text}.toml"
+    raise RobotFileError(f"unknown robot or file {text}{did_you_mean(text, names)}", hint=hint)
 
 
 def is_robot_file(path: str | Path) -> bool:
@@ -64,7 +64,7 @@ def read_robot(name_or_path: str | Path) -> Robot:
 def free_robot_path(name: str, folder: Path) -> Path:
     """Return the path that a new robot's file would have. Raises RobotFileError if it cannot be written there."""
     if not _NAME.fullmatch(name):
-        raise RobotFileError(f"{name!r} cannot be a robot's name", hint="a letter, then up to 31 of a-z 0-9 _")
+        raise RobotFileError(f"{name!r} is not a valid robot name", hint="a letter, then up to 31 of a-z 0-9 _")
     target = folder / f"{name}.toml"
     if target.exists():
         raise RobotFileError(f"{target} exists already", hint="choose another name")

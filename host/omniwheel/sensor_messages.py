@@ -41,7 +41,7 @@ def ask_for(robot: Robot, sensors: Iterable[Sensor], rate_hz: float | None) -> N
 
 
 @contextmanager
-def told_of_sensors(robot: Robot, rate_hz: float) -> Iterator[tuple[Sensor, ...]]:
+def sensor_advice(robot: Robot, rate_hz: float) -> Iterator[tuple[Sensor, ...]]:
     """Have the robot tell of its sensors, and yield which it has. At the end it tells no more."""
     sensors = find_sensors(robot)
     ask_for(robot, sensors, rate_hz)

@@ -33,7 +33,7 @@ class Sensor:
 
 
 GYRO = Sensor("gyro", GyroState, "GYRO_AXIS")
-FLOOR = Sensor("floor sensor", FlowState, "FLOW_MODE")
+FLOOR = Sensor("floor odometry", FlowState, "FLOW_MODE")
 SENSORS = (GYRO, FLOOR)
 
 
@@ -55,18 +55,18 @@ def sensors_of(parameters: Mapping[str, float]) -> tuple[Sensor, ...]:
 def shown(sensors: Iterable[Sensor], told: Iterable[SensorQuality]) -> list[SensorQuality]:
     """Return what to show of a robot's ``sensors``: what it has ``told``, or that it has told nothing."""
     by_name = {quality.name: quality for quality in told}
-    nothing = "the robot has not told of it"
+    nothing = "no report from the robot"
     return [by_name.get(sensor.name, SensorQuality(sensor.name, True, nothing)) for sensor in sensors]
 
 
 def gyro_quality(state: GyroState) -> SensorQuality:
     """Return what the robot makes of its gyro."""
     if not state.used:
-        advice = "the robot's texts say why; `omni bringup gyro` looks for the cause"
-        return SensorQuality(GYRO.name, False, "not used: the wheels alone count", advice)
+        advice = "the robot's messages give the reason; `omni bringup gyro` diagnoses it"
+        return SensorQuality(GYRO.name, False, "not used: estimate from the wheels only", advice)
     text = f"used, bias {state.bias_rad_s:+.5f} rad/s, sd {state.bias_sd_rad_s:.5f}"
     if abs(state.bias_rad_s) > BIAS_LIMIT_RAD_S:
-        advice = "such a bias is unusual: let the robot stand, then run `omni bringup gyro`"
+        advice = "such a bias is unusual: keep the robot at rest, then run `omni bringup gyro`"
         return SensorQuality(GYRO.name, False, text, advice)
     return SensorQuality(GYRO.name, True, text)
 
@@ -95,16 +95,16 @@ class FloorWatch:
         if state is None:
             return None
         if state.readings_came == 0:
-            advice = "check its wires; the robot's texts say more, and `omni bringup flow` looks for the cause"
+            advice = "check its wires and the robot's messages; `omni bringup flow` diagnoses it"
             return SensorQuality(FLOOR.name, False, "no readings; not usable", advice)
-        counts = f"used {state.readings_used}, refused {state.readings_refused}, lost {state.readings_lost}"
+        counts = f"used {state.readings_used}, rejected {state.readings_refused}, lost {state.readings_lost}"
         advice = self._advice(state)
         if not state.usable:
-            text = f"{counts}; not usable: the wheels alone count"
+            text = f"{counts}; not usable: estimate from the wheels only"
         elif not state.readings_used and not advice:
-            text = f"{counts}; a drive has yet to prove it"
+            text = f"{counts}; not yet verified by a drive"
         elif state.leads:
-            text = f"{counts}; it leads: wheels spin or slide"
+            text = f"{counts}; it overrides the wheels, which spin or slide"
         else:
             text = counts
         return SensorQuality(FLOOR.name, state.usable and not advice, text, advice)
@@ -114,14 +114,17 @@ class FloorWatch:
         if abs(state.direction_off_rad) > DIRECTION_LIMIT_RAD:
             # Its readings seem turned the other way than the sensor itself is.
             degrees = -math.degrees(state.direction_off_rad)
-            return f"it points {degrees:+.0f}° off: add {degrees:.1f} to FLOW_ANGLE; of a Pinpoint check the cables"
+            return (
+                f"it is misaligned by {degrees:+.0f}°: add {degrees:.1f} to FLOW_ANGLE; with a Pinpoint check the "
+                "cables"
+            )
         refused, lost = self._shares(state)
         if lost > MOST_LOST:
-            return f"{100 * lost:.0f} % of its readings were lost: look at its window, its height and the floor"
+            return f"{100 * lost:.0f} % of its readings were lost: check its window, its height and the floor"
         if not state.usable:
-            return "the robot's texts say why; look at its window, its height and the floor"
+            return "the robot's messages give the reason; check its window, its height and the floor"
         if refused > MOST_REFUSED:
-            return f"{100 * refused:.0f} % of its readings were refused: do wheels spin? Is FLOW_SCALE right?"
+            return f"{100 * refused:.0f} % of its readings were rejected: check for spinning wheels, and FLOW_SCALE"
         return ""
 
     def _shares(self, state: FlowState) -> tuple[float, float]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Set-points and pose fixes as MAVLink messages; a number that is not finite is refused before it is sent."""
+"""Setpoints and pose fixes as MAVLink messages; a number that is not finite is refused before it is sent."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def _finite_double(name: str, value: float) -> float:
     except OverflowError:  # a Python int may have any length
         number = math.inf if value > 0 else -math.inf
     if not math.isfinite(number):
-        raise SetpointError(f"{name} is {number}; a finite number is needed")
+        raise SetpointError(f"{name} is {number}; must be a finite number")
     return number
 
 
@@ -64,16 +64,16 @@ def _all_finite(values: Any) -> None:
 
 
 def velocity_target(connection: Connection, twist: Twist, frame: str) -> Message:
-    """Return the set-point of a velocity in the frame "body" or "world"."""
+    """Return the setpoint of a velocity in the frame "body" or "world"."""
     if frame not in _FRAMES:
-        raise SetpointError(f"the frame is {frame!r}; allowed are {', '.join(_FRAMES)}")
+        raise SetpointError(f"the frame is {frame!r}; must be one of {', '.join(_FRAMES)}")
     _all_finite(twist)
     mask = _IGNORE_POSITION | _IGNORE_Z | _IGNORE_ACCELERATION | _IGNORE_YAW
     return _target(connection, _FRAMES[frame], mask, Pose(0.0, 0.0, 0.0), twist)
 
 
 def pose_target(connection: Connection, pose: Pose, feed_forward: Twist | None) -> Message:
-    """Return the set-point of a world pose, with a feed-forward world twist if there is one."""
+    """Return the setpoint of a world pose, with a feed-forward world twist if there is one."""
     _all_finite(pose)
     mask = _IGNORE_Z | _IGNORE_ACCELERATION
     if feed_forward is None:
@@ -86,14 +86,14 @@ def pose_target(connection: Connection, pose: Pose, feed_forward: Twist | None) 
 def check_duty(duty: Sequence[float]) -> None:
     """Raise SetpointError unless there is a duty -1..1 for each of one to four wheels."""
     if not 0 < len(duty) <= MAX_WHEELS:
-        raise SetpointError(f"{len(duty)} duties are given; one per wheel is needed, at most {MAX_WHEELS}")
+        raise SetpointError(f"{len(duty)} duties are given; must be one per wheel, at most {MAX_WHEELS}")
     for wheel, value in enumerate(duty, 1):
         if abs(finite(f"duty {wheel}", value)) > 1.0:
-            raise SetpointError(f"duty {wheel} is {value:g}; allowed is -1..1")
+            raise SetpointError(f"duty {wheel} is {value:g}; must be from -1 to 1")
 
 
 def duty_target(connection: Connection, duty: Sequence[float]) -> Message:
-    """Return the set-point of open-loop duties, -1..1 per wheel (at most four; wheels left out get 0)."""
+    """Return the setpoint of open-loop duties, -1..1 per wheel (at most four; wheels left out get 0)."""
     check_duty(duty)
     values = [float(value) for value in duty] + [0.0] * (MAX_WHEELS - len(duty))
     message: Message = _M.MAVLink_omni_setpoint_duty_message(
@@ -106,7 +106,7 @@ def burst_request(duration_s: float, signals: Sequence[str], every: int, wheels:
     """Return the first four parameters of MAV_CMD_OMNI_BURST."""
     unknown = [name for name in signals if name not in SIGNALS]
     if unknown:
-        raise SetpointError(f"no signal is called {unknown[0]}; there are {', '.join(SIGNALS)}")
+        raise SetpointError(f"unknown signal {unknown[0]}; must be one of {', '.join(SIGNALS)}")
     if not set(wheels) <= set(range(MAX_WHEELS)):
         raise SetpointError(f"wheels must be between 0 and {MAX_WHEELS - 1}")
     mask = sum(SIGNALS[name] for name in dict.fromkeys(signals))
@@ -117,7 +117,7 @@ def burst_request(duration_s: float, signals: Sequence[str], every: int, wheels:
 def excitation_request(place: str, which: int, amplitude: float, duration_s: float) -> list[float]:
     """Return the first four parameters of MAV_CMD_OMNI_EXCITE."""
     if place not in PLACES:
-        raise SetpointError(f"nothing can be excited at {place!r}; there are {', '.join(PLACES)}")
+        raise SetpointError(f"unknown excitation point {place!r}; must be one of {', '.join(PLACES)}")
     numbers = [finite("which", which), finite("amplitude", amplitude), finite("duration_s", duration_s)]
     return [float(PLACES[place]), *numbers]
 
@@ -157,7 +157,7 @@ def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta
     _all_finite(pose)
     x_mm, y_mm = round(pose.x * 1e3), round(pose.y * 1e3)
     if max(abs(x_mm), abs(y_mm)) > _INT16_MAX:
-        raise SetpointError(f"x = {pose.x:g} m, y = {pose.y:g} m: a compact pose fix reaches 32.767 m at most")
+        raise SetpointError(f"x = {pose.x:g} m, y = {pose.y:g} m: a compact pose fix must be within ±32.767 m")
     theta = round(math.remainder(pose.theta, math.tau) * 1e4)
     sds = _tenths("sd_xy_m", sd_xy_m, 1e-3 * _ROUNDED), _tenths("sd_theta_rad", sd_theta_rad, 1e-4 * _ROUNDED)
     time_ms = round(time_us / 1e3) % _TIME_MS_WRAP or int(time_us > 0)  # 0 would be: no time is known
@@ -168,7 +168,7 @@ def compact_fix_message(pose: Pose, time_us: int, sd_xy_m: float = 0.0, sd_theta
 def _known(name: str, sd: float) -> bool:
     """Whether a standard deviation is known: above 0. Raises SetpointError for what is none."""
     if _finite_double(name, sd) < 0.0:
-        raise SetpointError(f"{name} is {sd:g}; a standard deviation is not negative. 0: not known")
+        raise SetpointError(f"{name} is {sd:g}; a standard deviation must be 0 (unknown) or more")
     return sd > 0.0
 
 

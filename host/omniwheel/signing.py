@@ -69,9 +69,9 @@ def read_key_file(path: Path) -> bytes:
         key = b""
     if len(key) != KEY_BYTES or not any(key):
         hint = "`omni radio key new FILE` makes one"
-        raise SigningKeyError(f"{path} is no signing key: {2 * KEY_BYTES} hexadecimal digits are needed", hint=hint)
+        raise SigningKeyError(f"{path} is not a signing key of {2 * KEY_BYTES} hexadecimal digits", hint=hint)
     if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise SigningKeyError(f"others can read the signing key {path}", hint=f"chmod 600 {path}")
+        raise SigningKeyError(f"other users can read the signing key {path}", hint=f"chmod 600 {path}")
     return key
 
 

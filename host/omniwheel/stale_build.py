@@ -8,7 +8,7 @@ from __future__ import annotations
 
 _OURS = ("omniwheel", "hil_sim", "omni_schema", "omni_reproduce")
 _C_MODULE = "cffi library 'omniwheel._core'"
-MESSAGE = "what the build made does not fit this source"
+MESSAGE = "the built files do not match this source"
 HINT = "run make setup (or pip install . again)"
 
 

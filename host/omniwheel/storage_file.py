@@ -34,7 +34,7 @@ def _lock(file: IO[bytes], path: Path) -> None:
     try:
         fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as error:
-        hint = "end that one, or give each a file of its own"
+        hint = "end it, or use another file"
         raise FirmwareStartError(f"--storage {path}: another firmware uses it", hint=hint) from error
     except OSError:  # a file system without locks
         return

@@ -57,7 +57,7 @@ def read_table(path: Path, wanted: TableFormat) -> Table:
     """Read the table of a file. Raises the error of ``wanted``, which names the line."""
     rows, named = _rows(path, wanted)
     if not rows:
-        raise wanted.wrong(f"{path} holds no rows")
+        raise wanted.wrong(f"{path} has no rows")
     if named is not None and not _is_heading(rows[0][1]):
         rows.insert(0, named)
     line, first = rows[0]
@@ -67,7 +67,7 @@ def read_table(path: Path, wanted: TableFormat) -> Table:
     elif wanted.needed:
         names = _documented(f"{path}:{line}", len(first), wanted)
     else:
-        raise wanted.wrong(f"{path}:{line}: there is no heading line that names the columns")
+        raise wanted.wrong(f"{path}:{line}: no header line that names the columns")
     for number, row in rows:
         if len(row) != len(names):
             text = f"{path}:{number}: {len(row)} cells beside {len(names)} columns ({', '.join(names)})"
@@ -146,16 +146,16 @@ def _check_names(where: str, names: Sequence[str], wanted: TableFormat) -> None:
     known = (*wanted.needed, *wanted.optional)
     twice = next((name for name, count in Counter(names).items() if count > 1), None)
     if twice is not None:
-        raise wanted.wrong(f"{where}: two columns are named {twice!r}")
+        raise wanted.wrong(f"{where}: duplicate column name {twice!r}")
     if not known:
         if len(names) == 1:
-            raise wanted.wrong(f"{where}: there is one column: {names[0]!r}")
+            raise wanted.wrong(f"{where}: only one column: {names[0]!r}")
         return
     missing = [name for name in wanted.needed if name not in names]
     unknown = next((name for name in names if name not in known), None)
     if unknown is not None:
         guess = did_you_mean(unknown, list(known))
-        raise wanted.wrong(f"{where}: there is no column {unknown!r}{guess}; the columns are {', '.join(known)}")
+        raise wanted.wrong(f"{where}: unknown column {unknown!r}{guess}; the columns are {', '.join(known)}")
     if missing:
         raise wanted.wrong(f"{where}: the column {missing[0]} is missing; the columns are {', '.join(known)}")
 
@@ -174,4 +174,4 @@ def _number(path: Path, line: int, column: str, text: str, wanted: TableFormat) 
             raise ValueError(text)
         return float(text)
     except ValueError:
-        raise wanted.wrong(f"{path}:{line}: {column} is {text!r}, no number with a decimal point") from None
+        raise wanted.wrong(f"{path}:{line}: {column} is {text!r}, which is not a number with a decimal point") from None

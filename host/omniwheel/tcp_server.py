@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A TCP port for one client at a time, which never waits: the outer end of a link that somebody else moves on."""
+"""A TCP port for one client at a time, which never waits: the outer end of a link that its owner polls."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import errno
 import socket
 
 _READ_SIZE = 4096
-_IN_USE = "another program listens there, perhaps a firmware that still runs: end it, or choose another port"
+_IN_USE = "another program uses this port, perhaps an old firmware process: end it, or choose another port"
 
 
 def listen_hint(number: int | None) -> str:
-    """Return what to do about a port that cannot be listened on, from the error's number; "" if nobody knows."""
+    """Return what to do about a port that cannot be listened on, from the error's number; "" if unknown."""
     return _IN_USE if number == errno.EADDRINUSE else ""
 
 
@@ -36,7 +36,7 @@ class TcpServer:
 
     @property
     def has_client(self) -> bool:
-        """Whether a client is there, as far as is known; takes nobody new."""
+        """Whether a client is connected, as last seen; accepts no new one."""
         return self._client is not None
 
     @property
@@ -52,7 +52,7 @@ class TcpServer:
         return True
 
     def read(self) -> bytes:
-        """Return what the client has sent; takes nobody new."""
+        """Return the bytes from the client; accepts no new one."""
         if self._client is None:
             return b""
         try:

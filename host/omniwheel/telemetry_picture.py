@@ -100,7 +100,7 @@ def _draw_wheels(speed: Any, duty: Any, record: TelemetryRecord, start: float) -
         speed.plot(times, wanted[:, wheel], color=GREY, linewidth=0.8)
         speed.plot(times, turned[:, wheel], color=colour, linewidth=1.0, label=f"wheel {wheel + 1}")
         duty.plot(times, driven[:, wheel], color=colour, linewidth=1.0)
-    speed.set(title="Wheels, and in grey what was asked of them", ylabel="speed [rad/s]")
+    speed.set(title="Wheel speeds; grey: setpoints", ylabel="speed [rad/s]")
     speed.legend(loc="upper right", ncols=4)
     duty.set_ylabel("duty")
     largest = float(np.max(np.abs(record.duty))) if len(record.duty) else 1.0

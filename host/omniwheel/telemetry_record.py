@@ -131,10 +131,12 @@ def read_record(path: Path, part: int | None = None) -> TelemetryRecord:
         messages = iterate_messages(reader) if part is None else iterate_part(parts, path, part)
         record = record_of(messages, parameters_beside(path))
     except DatasetError as error:
-        hint = "give a .tlog file, as `omni record` and `omni drive` write it"
+        hint = "give a .tlog file, written by `omni record` or `omni drive`"
         raise LogError(str(error), hint=error.hint if part is not None else hint) from error
     if not len(record.time_s) and not len(record.wheel_time_s):
-        raise LogError(f"{path} holds neither OMNI_TRACKING nor OMNI_WHEELS", hint="is it a log of another robot?")
+        raise LogError(
+            f"{path} has neither OMNI_TRACKING nor OMNI_WHEELS", hint="check that it is a log of an Omniwheel robot"
+        )
     said = (*record.notes, "" if part is None else parts.note(part), reader.note())
     return replace(record, notes=tuple(note for note in said if note))
 
@@ -183,8 +185,8 @@ def record_of(messages: Iterable[Message], parameters: Mapping[str, float] | Non
     notes = [f"another part of the log begins at {time_s:.1f} s: {why}" for time_s, why in clock.starts]
     for kind, name in ((tracking, Tracking.message), (wheels, Wheels.message)):
         if kind.left_out:
-            notes.append(f"{kind.left_out} of {name} are left out: their numbers are not finite")
-    notes += [f"what robot {number} says is left out" for number in sorted(others)]
+            notes.append(f"{kind.left_out} of {name} are ignored: their numbers are not finite")
+    notes += [f"messages of robot {number} are ignored" for number in sorted(others)]
     record = TelemetryRecord(
         time_s=poses[:, 0],
         pose=poses[:, 1:4],
@@ -210,10 +212,10 @@ def _with_jumps_said(record: TelemetryRecord) -> TelemetryRecord:
         return record
     events = [*record.events, *((jump.time_s, jump.text) for jump in record.jumps)]
     notes = [
-        f"at {jump.time_s:.2f} s {jump.text}: no motion is counted across that" for jump in record.jumps[:MOST_NOTES]
+        f"at {jump.time_s:.2f} s {jump.text}: the jump is not counted as motion" for jump in record.jumps[:MOST_NOTES]
     ]
     if len(record.jumps) > MOST_NOTES:
-        notes.append(f"it jumped {len(record.jumps)} times in all")
+        notes.append(f"{len(record.jumps)} jumps in total")
     return replace(record, events=tuple(sorted(events, key=lambda event: event[0])), notes=(*record.notes, *notes))
 
 

@@ -90,7 +90,7 @@ class TimeSync:
 
     @property
     def waiting(self) -> bool:
-        """Whether an answer may come any moment. It is timed when it is read, so whoever reads should hurry."""
+        """Whether a reply is pending. It is time-stamped when it is read, so the caller must read without delay."""
         now_s = self._connection.clock()
         return any(now_s - stamp_ns * 1e-9 < ANSWER_S for stamp_ns in self._pending)
 
@@ -102,8 +102,8 @@ class TimeSync:
             self._connection.poll(_WAIT_S)
             if self._connection.clock() > end_s:
                 raise LinkTimeoutError(
-                    f"the robot does not answer TIMESYNC within {timeout_s:g} s",
-                    hint="does the radio carry both directions, and is nothing else using all of it?",
+                    f"the robot does not reply to TIMESYNC within {timeout_s:g} s",
+                    hint="check that the radio carries both directions and has bandwidth left",
                 )
 
     @property
@@ -115,7 +115,7 @@ class TimeSync:
         """Return a time of the host's clock in the robot's [us]; ValueError before the first answer."""
         best = self.best
         if best is None:
-            raise ValueError("the robot has not answered TIMESYNC yet")
+            raise ValueError("no TIMESYNC reply from the robot yet")
         return round((host_s + best.offset_s) * 1e6)
 
     def _take(self, message: Message) -> None:

@@ -80,7 +80,7 @@ class TlogReader:
 
     def note(self) -> str:
         """Say what was skipped; "" if nothing."""
-        return f"{self.skipped} bytes are no MAVLink frames and were skipped" if self.skipped else ""
+        return f"{self.skipped} bytes outside MAVLink frames were skipped" if self.skipped else ""
 
 
 def _record(codec: mavlink.MAVLink, data: bytes, at: int, ended: bool) -> tuple[Message | None, int]:
@@ -121,7 +121,7 @@ def _frame_end(data: bytes, frame: int) -> int:
         return 0
     if data[frame] == mavlink.PROTOCOL_MARKER_V1:
         return frame + 8 + data[frame + 1]
-    if data[frame + 2] & ~mavlink.MAVLINK_IFLAG_SIGNED:  # a flag that nobody knows: the frame's form is another one
+    if data[frame + 2] & ~mavlink.MAVLINK_IFLAG_SIGNED:  # an unknown flag: the frame has another layout
         return 0
     return frame + 12 + data[frame + 1] + (13 if data[frame + 2] else 0)
 
@@ -170,7 +170,7 @@ class RobotClock:
             time_s = self.newest_s + LATE_S
             self.starts += ((self.newest_s + 0.5 * LATE_S, RESTARTED),)
         elif went_s > SILENT_S:
-            silent = f"nothing was heard of the robot for {went_s:.1f} s"
+            silent = f"no message of the robot for {went_s:.1f} s"
             self.starts += ((0.5 * (self.newest_s + time_s), silent),)
         self.newest_s = max(self.newest_s, time_s)
         return time_s

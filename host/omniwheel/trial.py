@@ -62,7 +62,7 @@ class Trial:
             return
         with suppress(OmniError):  # the robot does it by itself, and the first error is the one to tell
             with suppress(CommandRefusedError):  # it has done so already
-                self._send(TRIAL_BACK, "to take back the parameters on trial")
+                self._send(TRIAL_BACK, "to restore the parameters before the trial")
             known = self._robot.parameters.known
             self._read_again(name for name, value in self._before.items() if known.get(name) != value)
 
@@ -82,13 +82,13 @@ class Trial:
             if error.result != "DENIED" or not self._goes_on():
                 raise
             # A program before this one, with the same ids on the same link, was killed a moment ago.
-            self._send(TRIAL_BACK, "to take back the parameters on trial")
+            self._send(TRIAL_BACK, "to restore the parameters before the trial")
             self._read_again(self._robot.parameters.known)
             self._send(TRIAL_BEGIN, "to try parameters")
 
     def _goes_on(self) -> bool:
         try:
-            self._send(TRIAL_ASK, "whether a trial goes on")
+            self._send(TRIAL_ASK, "whether a trial is active")
         except CommandRefusedError:
             return False
         return True

@@ -130,7 +130,7 @@ class Experiment:
                 if tracking.phase == "done" and seen:
                     break
                 if self._robot.connection.clock() > end:
-                    hint = "set TRJ_LAPS, TRJ_PERIOD or TRJ_TYPE, or give more time with --duration"
+                    hint = "set TRJ_LAPS, TRJ_PERIOD or TRJ_TYPE, or use a larger --duration"
                     raise ExperimentError(f"the trajectory did not end within {timeout_s:g} s", hint=hint)
         finally:
             self._robot.disarm()
@@ -173,8 +173,8 @@ class Experiment:
         finally:
             remove()
         if not seen or not np.allclose(seen[-1].reference, pose, atol=REACHED):
-            hint = "the robot limits how fast a wanted pose moves: give more time with --duration, or a smaller --size"
-            raise ExperimentError(f"the robot did not take up the wanted pose within {duration_s:g} s", hint=hint)
+            hint = "the robot limits the rate of the pose setpoint: use a larger --duration or a smaller --size"
+            raise ExperimentError(f"the robot did not reach the pose setpoint within {duration_s:g} s", hint=hint)
         return seen
 
 

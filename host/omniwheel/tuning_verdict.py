@@ -85,9 +85,9 @@ class Verdict:
         before, after, moved, width = map(kind.shown, values)
         change = f"{before} → {after} {kind.unit}".rstrip()
         if self.rounds < 2:
-            return f"{kind.name}: seen in a single round only ({change})"
+            return f"{kind.name}: one round only, no significance ({change})"
         if not self.shows:
-            return f"{kind.name}: inside the noise of {self.rounds} rounds ({change}, ± {width})"
+            return f"{kind.name}: within the noise of {self.rounds} rounds ({change}, ± {width})"
         return f"{kind.name} {change}: {self.word} by {moved} ± {width}"
 
 

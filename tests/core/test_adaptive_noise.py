@@ -148,7 +148,11 @@ def test_fixes_worse_than_believed_make_it_less_sure() -> None:
 
 
 def levels(ekf: Ekf) -> tuple[float, ...]:
-    return (float(ekf.s.noise_factor), float(ekf.s.fix_noise_factor), *(float(value) for value in ekf.s.whitened_innovation_sum))
+    return (
+        float(ekf.s.noise_factor),
+        float(ekf.s.fix_noise_factor),
+        *(float(value) for value in ekf.s.whitened_innovation_sum),
+    )
 
 
 def test_without_information_they_stand_still() -> None:

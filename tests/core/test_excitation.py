@@ -63,7 +63,9 @@ def test_all_wheels_alike_turn_the_robot_on_the_spot() -> None:
 
 def test_a_sweep_is_a_sine_of_rising_frequency() -> None:
     first, rise, ticks = 0.01, 5e-4, 400
-    seen = wanted(started(WHEEL, 0, ticks=ticks, amplitude=0.8, step_rad=first, phase_acceleration_rad=rise), ticks)[:, 0]
+    seen = wanted(started(WHEEL, 0, ticks=ticks, amplitude=0.8, step_rad=first, phase_acceleration_rad=rise), ticks)[
+        :, 0
+    ]
     n = np.arange(ticks)
     assert np.allclose(seen, 0.8 * np.sin(n * first + 0.5 * rise * n * (n - 1)), atol=1e-3)
 

@@ -35,7 +35,13 @@ class Core:
         values = {"mode": mode, "q_xy": Q_XY, "q_theta": Q_THETA, "q_slip": Q_SLIP, "p_slip": P_SLIP, "r_xy": 25e-6}
         values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "flow_gate": 16.3}
         self.config = ffi.new("omni_pose_ekf_config_t *", values)
-        mount = {"axes": axes, "mount_cosine": math.cos(angle), "mount_sine": math.sin(angle), "scale": 1.0, "lever_arm_m": ARM}
+        mount = {
+            "axes": axes,
+            "mount_cosine": math.cos(angle),
+            "mount_sine": math.sin(angle),
+            "scale": 1.0,
+            "lever_arm_m": ARM,
+        }
         self.mount = ffi.new(
             "omni_flow_config_t *", mount | {"r_xy": SD_M**2, "r_relative": 0.0, "r_turn": SD_RAD**2, "delay_us": 0}
         )
@@ -52,7 +58,13 @@ class Core:
 
     def measure(self, moved: Any, rows: int, age: int = 0, override_nis: float = 0.0) -> Any:
         """Correct by a reading of the last SPAN ticks before ``age`` ticks ago."""
-        flow = {"move": list(moved), "lever_arm_m": ARM, "r_xy": SD_M**2, "r_turn": SD_RAD**2, "measures_turn": rows == 3}
+        flow = {
+            "move": list(moved),
+            "lever_arm_m": ARM,
+            "r_xy": SD_M**2,
+            "r_turn": SD_RAD**2,
+            "measures_turn": rows == 3,
+        }
         flow |= {"apply": True, "age_us": 1000 * age, "span_us": 1000 * SPAN, "override_nis": override_nis}
         result = ffi.new("omni_ekf_flow_result_t *")
         assert lib.omni_pose_ekf_correct_flow(self.s, self.config, self.k, ffi.new("omni_ekf_flow_t *", flow), result)

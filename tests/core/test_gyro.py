@@ -78,7 +78,10 @@ class Filter:
         usable = bool(lib.omni_gyro_step(self.gyro, self.gyro_config, told, self.s, self.config, self.k))
         turn = self.gyro.turn
         self.predict(
-            [body_rad_s * DISTANCE_M / RADIUS_M * TICK_S] * self.wheels, turn.rate_rad_s, turn.overrides_wheels, turn.at_rest
+            [body_rad_s * DISTANCE_M / RADIUS_M * TICK_S] * self.wheels,
+            turn.rate_rad_s,
+            turn.overrides_wheels,
+            turn.at_rest,
         )
         return usable
 

@@ -55,7 +55,9 @@ class GyroEkf(Ekf):
 
     def predict(self, turned: Any, count: int = 1) -> None:
         wheels = ffi.new("float[4]", list(turned))
-        turn = ffi.new("omni_ekf_gyro_rate_t *", {"rate_rad_s": self.rate_rad_s, "overrides_wheels": self.overrides_wheels})
+        turn = ffi.new(
+            "omni_ekf_gyro_rate_t *", {"rate_rad_s": self.rate_rad_s, "overrides_wheels": self.overrides_wheels}
+        )
         for _ in range(count):
             self.time_us += TICK_US
             lib.omni_pose_ekf_predict_gyro(self.s, self.config, self.k, wheels, turn, self.time_us)

@@ -86,7 +86,9 @@ class Ekf:
     @property
     def x(self) -> Array:
         s = self.s
-        return np.array([s.pose.x, s.pose.y, s.pose.theta, *(s.error_state[i] for i in range(self.wheels))])[: self.states]
+        return np.array([s.pose.x, s.pose.y, s.pose.theta, *(s.error_state[i] for i in range(self.wheels))])[
+            : self.states
+        ]
 
     def settled(self) -> Any:
         """Return a copy of the state whose covariance is that of now."""

@@ -55,8 +55,7 @@ PICTURES: Mapping[str, Picture] = {
         "experiment wheel-chirp --out {folder}", "wheel-chirp/experiment.png", ("figures",), partial(robot, end_s=600.0)
     ),
     "host_control.png": Picture(
-        "host-control trajectory rose --simulate --dead-band 60 --pwm-min 60 --full-speed 2.53 "
-        "--plot {folder}/rose.png",
+        "host-control trajectory rose --simulate --deadband 60 --pwm-min 60 --full-speed 2.53 --plot {folder}/rose.png",
         "rose.png",
         ("error",),
     ),

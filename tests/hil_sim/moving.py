@@ -17,7 +17,7 @@ ROBOTS = {"demo": 0.1, "four_wheel": 0.1, "fast": 0.8}
 """Scenarios of the robots, and a speed that each reaches [m/s]."""
 CONTROLLERS = range(lib.OMNI_CTL_MODE_COUNT)
 FRESH_TICKS = 20
-"""Ticks from one set-point to the next: less than the shortest SAFE_CMD_TO."""
+"""Ticks from one setpoint to the next: less than the shortest SAFE_CMD_TO."""
 FIX_TICKS = 700
 """Fixes have told by then where the robot is."""
 START_S = 1.0
@@ -25,7 +25,7 @@ START_S = 1.0
 STOP_S = 1.5
 """A robot that is too fast has stopped by then, whatever was changed."""
 EXCESS = 1.2
-"""Times its set-point: a robot may be so fast."""
+"""Times its setpoint: a robot may be so fast."""
 EXCESS_OF_ORIGINAL = 1.6
 """The same with the original law. It drives the wheels to and fro, so they slip; odometry alone does not see it."""
 
@@ -72,7 +72,7 @@ class Moving:
         lib.hil_run_advance(self._run, 1)
 
     def pause(self, duration_s: float) -> None:
-        """Let time pass without a new set-point."""
+        """Let time pass without a new setpoint."""
         lib.hil_run_advance(self._run, round(duration_s * 1000))
 
     def change(self, values: Mapping[str, float]) -> bool:
@@ -90,7 +90,7 @@ class Moving:
         self.speed = speed
 
     def move(self, duration_s: float) -> float:
-        """Give set-points for that long; return how far the robot gets [m]."""
+        """Give setpoints for that long; return how far the robot gets [m]."""
         begin = list(self._run.world.pose)
         for _ in range(round(duration_s * 1000 / FRESH_TICKS)):
             self._ask()

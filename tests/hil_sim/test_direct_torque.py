@@ -51,7 +51,7 @@ def test_no_pwm_compensation_leaves_the_motors_friction_to_the_gains() -> None:
 
 
 @pytest.mark.full
-def test_a_dead_band_in_the_curve_makes_up_for_dry_friction() -> None:
+def test_a_deadband_in_the_curve_makes_up_for_dry_friction() -> None:
     stiff = {"coulomb_friction_N_m": 0.4}
     without, with_it = (
         metrics.tracking_rmse(drive("three_wheel", 20.0, stiff, DT_DEAD=dead).record) for dead in (0.0, 0.4 / 4.667)

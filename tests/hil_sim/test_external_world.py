@@ -162,7 +162,7 @@ WRONG = {
     "broken counts": (lambda s: replace(s, counts=[1.5, 2, 3]), "they are whole numbers"),
     "two numbers": (lambda s: replace(s, pose=(0.0, 0.0)), "gave 2 numbers as pose; 3 are needed"),
     "no number": (lambda s: replace(s, pose=("a", 0.0, 0.0)), "failed at 0.400 s: ValueError"),
-    "a fix of tomorrow": (lambda s: replace(s, fix=Fix(9.0, 0.0, 0.0, 0.0)), "allowed is 0 to now, 0.4 s"),
+    "a fix of tomorrow": (lambda s: replace(s, fix=Fix(9.0, 0.0, 0.0, 0.0)), "must be 0 to now, 0.4 s"),
     "another thing": (lambda s: (1, 2, 3), "gave tuple"),
     "an error": (raises, "sense failed at 0.400 s: ZeroDivisionError: no floor"),
 }
@@ -320,7 +320,7 @@ def folder(tmp_path: Path, circle: Scenario, monkeypatch: pytest.MonkeyPatch) ->
         ("picky:Picky", "only on Sundays"),
         ("nowhere:x", "--world nowhere:x: there is no module"),  # and no emoji in place of :x:
         ("quits:Quits", "Quits(scenario) failed: SystemExit: 0"),
-        ("mute:Mute", "Mute.notes is None; a list of sentences is needed"),
+        ("mute:Mute", "Mute.notes is None; must be a list of sentences"),
         ("mute:Wordy", "Wordy.notes is 'one'"),
         ("other:Other", "other.py, line 5"),
         ("typo:World", "typo.py, line 1"),
@@ -353,7 +353,7 @@ def test_the_command_runs_it_and_keeps_the_folder_of_one_that_failed(folder: Pat
     [
         ("quits:Stops", "quits:Stops.step failed at 0.000 s: SystemExit: no more"),
         ("other:Fewer", "other.py, line 9"),
-        ("far:Far", "allowed is up to 1e+06"),
+        ("far:Far", "must be at most 1e+06"),
     ],
 )
 def test_a_world_that_ends_the_program_or_takes_something_else_is_told_with_its_name(

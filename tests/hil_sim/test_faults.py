@@ -34,7 +34,7 @@ def test_names_and_kinds_cover_the_c_enumeration() -> None:
 
 
 def test_unknown_name_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"'gremlin' is unknown; allowed are encoder_stuck"):
+    with pytest.raises(ValueError, match=r"'gremlin' is unknown; must be one of encoder_stuck"):
         Fault("gremlin", 0.0)
 
 

@@ -66,7 +66,7 @@ def test_disarmed_robot_coasts(make_loop: Any) -> None:
 
 
 @pytest.mark.parametrize("name", ["three_wheel", "four_wheel"])
-def test_robot_reaches_its_set_point(make_loop: Any, name: str) -> None:
+def test_robot_reaches_its_setpoint(make_loop: Any, name: str) -> None:
     loop = make_loop(name)
     loop.arm()
     loop.go_to(0.1, -0.05, 0.3)

@@ -41,8 +41,8 @@ def made(scenario: str = "sitl") -> tuple[LiveWorld, World, Pace]:
     return LiveWorld(checked, cast(LockstepLink, pace), world), world, pace
 
 
-def obey(live: LiveWorld, **command: Any) -> None:
-    live.obey(json.dumps(command))
+def apply_command(live: LiveWorld, **command: Any) -> None:
+    live.apply_command(json.dumps(command))
 
 
 def on(live: LiveWorld) -> list[tuple[str, int | None]]:
@@ -84,24 +84,24 @@ def test_every_offered_fault_goes_on_and_off(scenario: str) -> None:
     live, world, _ = made(scenario)
     for fault in live.catalogue()["faults"]:
         wheel = {"wheel": fault["wheels"][-1]} if fault["wheels"] else {}
-        obey(live, fault=fault["name"], on=True, **wheel)
+        apply_command(live, fault=fault["name"], on=True, **wheel)
         assert on(live) == [(fault["name"], wheel.get("wheel"))]
         if fault["name"] != ICE:
             assert active(world, fault["name"], wheel.get("wheel", 1) - 1)
-        obey(live, fault=fault["name"], on=False, **wheel)
+        apply_command(live, fault=fault["name"], on=False, **wheel)
         assert on(live) == []
         assert fault["name"] == ICE or not active(world, fault["name"], wheel.get("wheel", 1) - 1)
 
 
 def test_a_pulled_encoder_counts_no_more_until_it_is_mended() -> None:
     live, world, _ = made()
-    obey(live, fault="wheel_turned", wheel=2, on=True)
-    obey(live, fault="encoder_stuck", wheel=2, on=True)
+    apply_command(live, fault="wheel_turned", wheel=2, on=True)
+    apply_command(live, fault="encoder_stuck", wheel=2, on=True)
     world.step(10)
     before = world.sense().counts[1]
     world.step(200)
     assert world.sense().counts[1] == before
-    obey(live, fault="encoder_stuck", wheel=2, on=False)
+    apply_command(live, fault="encoder_stuck", wheel=2, on=False)
     world.step(200)
     assert world.sense().counts[1] != before
     assert on(live) == [("wheel_turned", 2)]
@@ -109,8 +109,8 @@ def test_a_pulled_encoder_counts_no_more_until_it_is_mended() -> None:
 
 def test_switching_on_twice_replaces_the_value() -> None:
     live, world, _ = made()
-    obey(live, fault="battery_sag", on=True)
-    obey(live, fault="battery_sag", on=True, value=6.5)
+    apply_command(live, fault="battery_sag", on=True)
+    apply_command(live, fault="battery_sag", on=True, value=6.5)
     world.step(2)
     assert world.sense().battery_V == pytest.approx(6.5, abs=0.01)
     assert on(live) == [("battery_sag", None)]
@@ -119,7 +119,7 @@ def test_switching_on_twice_replaces_the_value() -> None:
 def test_a_sagging_supply_is_below_the_robots_own_limit() -> None:
     checked = load_scenario("sitl").with_parameters({"BAT_V_MIN": 7.0})
     world = new_world(checked)
-    obey(LiveWorld(checked, cast(LockstepLink, Pace()), world), fault="battery_sag", on=True)
+    apply_command(LiveWorld(checked, cast(LockstepLink, Pace()), world), fault="battery_sag", on=True)
     world.step(2)
     assert 5.0 < world.sense().battery_V < 7.0
 
@@ -127,11 +127,11 @@ def test_a_sagging_supply_is_below_the_robots_own_limit() -> None:
 def test_ice_lowers_the_friction_and_mending_brings_it_back() -> None:
     live, world, _ = made()
     grip, limit = world.c.config.friction_coefficient, world.c.plant.inverse_limit_N[0]
-    obey(live, fault=ICE, on=True)
+    apply_command(live, fault=ICE, on=True)
     assert world.c.config.friction_coefficient == pytest.approx(ICE_FRICTION)
     assert world.c.plant.inverse_limit_N[0] == pytest.approx(limit * grip / ICE_FRICTION)
-    obey(live, fault=ICE, on=True)
-    obey(live, mend=True)
+    apply_command(live, fault=ICE, on=True)
+    apply_command(live, mend=True)
     assert world.c.plant.inverse_limit_N[0] == pytest.approx(limit)
     assert on(live) == []
 
@@ -139,11 +139,11 @@ def test_ice_lowers_the_friction_and_mending_brings_it_back() -> None:
 def test_the_scenarios_own_fault_shows_when_it_comes_and_can_be_mended() -> None:
     live, world, _ = made("fault_motor_dead")
     assert on(live) == []
-    obey(live, mend=True)
-    obey(live, fault="encoder_stuck", wheel=2, on=True)
+    apply_command(live, mend=True)
+    apply_command(live, fault="encoder_stuck", wheel=2, on=True)
     world.step(5 * TICKS_PER_S)
     assert set(on(live)) == {("motor_dead", 1), ("encoder_stuck", 2)}
-    obey(live, mend=True)
+    apply_command(live, mend=True)
     assert on(live) == []
     assert not active(world, "motor_dead", 0)
 
@@ -164,7 +164,7 @@ def _on_plant(plant: str) -> LiveWorld:
 @pytest.mark.parametrize("speed", SPEEDS)
 def test_the_speed_changes(speed: float) -> None:
     live, _, pace = made()
-    obey(live, speed=speed)
+    apply_command(live, speed=speed)
     assert pace.factor == speed == live.state()["speed"]
 
 
@@ -209,11 +209,11 @@ BAD = {
 @pytest.mark.parametrize("line", BAD, ids=range(len(BAD)))
 def test_a_bad_line_is_refused_in_words_and_changes_nothing(line: str) -> None:
     live, world, pace = made()
-    obey(live, fault="encoder_stuck", wheel=3, on=True)
-    obey(live, speed=0.5)
+    apply_command(live, fault="encoder_stuck", wheel=3, on=True)
+    apply_command(live, speed=0.5)
     before, config = live.state(), bytes(_config_of(world))
     with pytest.raises(CommandLineError, match="Nothing was changed") as refusal:
-        live.obey(line)
+        live.apply_command(line)
     assert BAD[line] in str(refusal.value)
     assert len(str(refusal.value)) < 600
     assert (live.state(), bytes(_config_of(world)), pace.factor) == (before, config, 0.5)
@@ -234,10 +234,10 @@ def test_random_lines_never_do_anything_but_refuse() -> None:
         for _ in range(draw.randint(1, 4)):
             line[draw.randrange(len(line))] = draw.randrange(256)
         try:
-            live.obey(line.decode(errors="replace"))
+            live.apply_command(line.decode(errors="replace"))
         except CommandLineError:
             continue
-    live.obey(good)
+    live.apply_command(good)
     assert ("encoder_stuck", 1) in on(live)
 
 
@@ -249,7 +249,7 @@ def test_too_many_faults_are_refused_and_the_others_stay() -> None:
         for wheel in fault["wheels"]
     ]
     for command in wanted[:MAX_FAULTS]:
-        obey(live, **command)
+        apply_command(live, **command)
     with pytest.raises(CommandLineError, match=f"at most {MAX_FAULTS}"):
-        obey(live, **wanted[MAX_FAULTS])
+        apply_command(live, **wanted[MAX_FAULTS])
     assert len(on(live)) == MAX_FAULTS

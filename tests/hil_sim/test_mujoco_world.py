@@ -233,7 +233,7 @@ def test_a_short_name_takes_a_file_and_a_wrong_file_is_told(tmp_path: Path) -> N
     assert world.floor == Floor(slope_deg=1.0, patches=(Patch((0.0, 1.0), (0.0, 1.0), 0.1),))
     for text, said in (
         ("[floor]\nslope = 1", "floor.slope"),
-        ("[floor]\nslope_deg = 80", "allowed is a number from 0 to 30"),
+        ("[floor]\nslope_deg = 80", "must be a number from 0 to 30"),
         ("[[patch]]\nx_m = [1, 0]\ny_m = [0, 1]\nfriction = 1", "the first has to be the smaller one"),
         ("[floor]\nseed = 1.5", "a whole number"),
     ):
@@ -246,10 +246,10 @@ def test_a_short_name_takes_a_file_and_a_wrong_file_is_told(tmp_path: Path) -> N
 @pytest.mark.parametrize(
     ("key", "value", "said"),
     [
-        ("rollers_per_row", 2.5, "simulation.rollers_per_row is 2.5; allowed is a whole number from"),
+        ("rollers_per_row", 2.5, "simulation.rollers_per_row is 2.5; must be a whole number from"),
         ("wheel_mass_kg", 0.001, "its rollers alone are"),
         ("wheel_mass_kg", 2.0, "simulation.mass_kg leaves"),
-        ("roller_radius_m", 0.03, "allowed is less than half of a wheel's"),
+        ("roller_radius_m", 0.03, "must be less than half of a wheel's"),
     ],
 )
 def test_wheels_that_cannot_be_are_told_by_their_key(key: str, value: float, said: str) -> None:

@@ -17,7 +17,7 @@ from hil_sim.runs import run_in_process
 from hil_sim.scenario import load_scenario
 from hil_sim.summary import summarize
 from omni.cli.run_output import comparison_table
-from omniwheel.plain import shown
+from omniwheel.number_text import shown
 
 
 @pytest.mark.parametrize(

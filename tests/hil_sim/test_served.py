@@ -87,7 +87,7 @@ class PumpedLoop(HilLoop):
 
 
 def scenario() -> Scenario:
-    """Return one with all that is sent: heartbeats, set-points, a change of parameters, and a link that is silent."""
+    """Return one with all that is sent: heartbeats, setpoints, a change of parameters, and a link that is silent."""
     document = {
         "scenario": {
             "name": "served",

@@ -184,7 +184,7 @@ def test_a_robot_file_has_a_number_for_all_wheels_or_one_each(robots: dict[str, 
     assert list(made([0.5, 0.6, 0.7]).c.config.wheel_friction)[:3] == [0.5, 0.6, 0.7]
     with pytest.raises(WorldError, match=r"simulation.wheel_friction has 2 numbers; 3 are needed"):
         made([0.5, 0.6])
-    with pytest.raises(WorldError, match=r"simulation.wheel_friction is 11; allowed is a number from 0.001 to 10"):
+    with pytest.raises(WorldError, match=r"simulation.wheel_friction is 11; must be a number from 0.001 to 10"):
         made([0.5, 0.6, 11.0])
 
 

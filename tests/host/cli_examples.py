@@ -29,7 +29,7 @@ from hil_sim.loop_speed import loops
 from hil_sim.scenario import load_scenario
 from hil_sim.sitl import Sitl, start_sitl
 from omni.cli import app
-from omni.cli.common import keep_history
+from omni.cli.common import record_history
 from omniwheel import FirmwareProcess
 from omniwheel.bringup import Assumed
 from omniwheel.frames import Pose
@@ -57,7 +57,7 @@ def real_time_robot() -> Iterator[None]:
 
 @contextmanager
 def turned_robot() -> Iterator[None]:
-    """Somebody turns the robot to and fro for 20 s while cameras look."""
+    """The robot is turned to and fro for 20 s in view of cameras."""
     with (
         FirmwareProcess("three_wheel") as firmware,
         patch("omni.cli.mocap_latency.link_url", lambda _: firmware.urls[0]),
@@ -69,7 +69,7 @@ def turned_robot() -> Iterator[None]:
 
 @contextmanager
 def pressed_keys() -> Iterator[None]:
-    """Somebody presses three keys, the last one ends."""
+    """Three key presses; the last one ends the drive."""
     keys = iter("wqx")
 
     @contextmanager
@@ -94,7 +94,7 @@ def no_radio() -> Iterator[None]:
 
 @contextmanager
 def person() -> Iterator[None]:
-    """Somebody agrees to everything and looks at nothing, beside a robot on a stand."""
+    """An operator who confirms everything and observes nothing, beside a robot on a stand."""
     with robot("stand"), patch("omni.cli.bringup.TerminalPerson", lambda *_, **__: Assumed()):
         yield
 
@@ -219,7 +219,7 @@ def changed() -> Iterator[None]:
     with robot(), tempfile.TemporaryDirectory() as state, patch.dict(os.environ, {"OMNI_STATE_DIR": state}):
         with omniwheel.robot.connect("simulated") as before:
             for value in (5.0, 6.0, 7.0):
-                keep_history(before)
+                record_history(before)
                 before.parameters["ISMC_LAM_XY"] = value
         yield
 

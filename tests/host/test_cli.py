@@ -259,7 +259,7 @@ def test_drive_pose_to_where_it_is_arrives(url: str) -> None:
         (["pose", "0", "inf", "0"], "y is inf"),
     ],
 )
-def test_bad_set_points_are_refused_before_a_link_is_opened(words: list[str], told: str) -> None:
+def test_bad_setpoints_are_refused_before_a_link_is_opened(words: list[str], told: str) -> None:
     assert told in run("drive", *words, "--link", "tcp:127.0.0.1:1", code=2).stderr
 
 

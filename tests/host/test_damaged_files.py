@@ -56,7 +56,7 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "program.hex").write_text("\n".join(hex_lines(teensy_program())) + "\n")
     (folder / "log.tlog").write_bytes(((1).to_bytes(8, "big") + FRAME) * 40)
     curve = "\n".join(f"{name} = [1.0, 1.0, 1.0]" for name in (
-        "forward_duty_per_rad_s", "reverse_duty_per_rad_s", "forward_dead_band", "reverse_dead_band",
+        "forward_duty_per_rad_s", "reverse_duty_per_rad_s", "forward_deadband", "reverse_deadband",
         "time_constant_s"))  # fmt: skip
     scales = "forward_scale = [1.0, 1.0, 1.0]\nreverse_scale = [1.0, 1.0, 1.0]"
     (folder / "robot.calibration.toml").write_text(f"[odometry]\n{scales}\n[motor_curve]\n{curve}\n")

@@ -143,7 +143,7 @@ def test_a_program_that_takes_the_command_back_drives_on(robot: Robot) -> None:
     robot.drive_velocity(0.1, 0.0, 0.0, 1.0)
 
 
-def test_set_points_may_be_sent_before_arming(robot: Robot) -> None:
+def test_setpoints_may_be_sent_before_arming(robot: Robot) -> None:
     robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 0.5)
     robot.arm()
     robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), 1.0)

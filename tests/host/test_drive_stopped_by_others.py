@@ -66,4 +66,4 @@ def is_armed(message: object) -> bool:
 
 
 def await_streaming(other: Client) -> None:
-    other.wait_for(lambda m: m.get_type() == "HEARTBEAT" and m.custom_mode not in (0,), "no set-points")
+    other.wait_for(lambda m: m.get_type() == "HEARTBEAT" and m.custom_mode not in (0,), "no setpoints")

@@ -71,7 +71,7 @@ assert telemetry.armed()
 offboard.set_velocity_body(VelocityBodyYawspeed(0.05, 0.0, 0.0, 0.0))
 offboard.start()
 until(lambda: telemetry.flight_mode().name == "OFFBOARD", "not the second time")
-offboard.stop()  # set-points are not needed now, heartbeats are
+offboard.stop()  # setpoints are not needed now, heartbeats are
 print("drives", flush=True)
 import os
 os._exit(0)  # as if it had crashed

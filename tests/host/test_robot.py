@@ -169,7 +169,7 @@ def last_target(fake: Any) -> Any:
     return [m for m in fake.received if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"][-1]
 
 
-def test_velocity_set_points_are_converted_to_mavlinks_frames(fake: Any, robot: Robot) -> None:
+def test_velocity_setpoints_are_converted_to_mavlinks_frames(fake: Any, robot: Robot) -> None:
     robot.set_velocity(0.25, 0.5, -1.0)
     sent = last_target(fake)
     assert sent.coordinate_frame == mavlink.MAV_FRAME_BODY_FRD
@@ -181,7 +181,7 @@ def test_velocity_set_points_are_converted_to_mavlinks_frames(fake: Any, robot: 
     assert last_target(fake).coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
 
 
-def test_pose_set_points_are_converted_to_mavlinks_frames(fake: Any, robot: Robot) -> None:
+def test_pose_setpoints_are_converted_to_mavlinks_frames(fake: Any, robot: Robot) -> None:
     robot.set_pose(1.0, 2.0, 0.5)
     sent = last_target(fake)
     assert (sent.x, sent.y, sent.yaw) == (1.0, -2.0, -0.5)
@@ -194,7 +194,7 @@ def test_pose_set_points_are_converted_to_mavlinks_frames(fake: Any, robot: Robo
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-def test_a_set_point_that_is_no_number_is_not_sent(fake: Any, robot: Robot, bad: float) -> None:
+def test_a_setpoint_that_is_no_number_is_not_sent(fake: Any, robot: Robot, bad: float) -> None:
     sends: list[Callable[[], None]] = [
         lambda: robot.set_velocity(bad, 0.0, 0.0),
         lambda: robot.set_pose(0.0, bad, 0.0),

@@ -25,7 +25,7 @@ from omni.cli.monitor import view
 from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.robot import Robot, connect
-from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, find_sensors, told_of_sensors
+from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, find_sensors, sensor_advice
 from omniwheel.sensor_quality import (
     BIAS_LIMIT_RAD_S,
     FLOOR,
@@ -132,7 +132,7 @@ def floor(*states: FlowState) -> SensorQuality:
 
 def test_a_floor_sensor_that_fits() -> None:
     assert FloorWatch().quality() is None
-    assert floor(FITS) == SensorQuality("floor sensor", True, "used 532, refused 3, lost 0")
+    assert floor(FITS) == SensorQuality("floor odometry", True, "used 532, refused 3, lost 0")
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_the_monitor_shows_a_line_for_each_sensor() -> None:
         link.end_s = 4.0
         seen = monitor(link)
     assert "gyro  used, bias " in seen
-    assert "floor sensor  used 0, refused 0, lost 0; a drive has yet to prove it" in seen
+    assert "floor odometry  used 0, refused 0, lost 0; a drive has yet to prove it" in seen
 
 
 @pytest.mark.parametrize(("scenario", "key", "name"), [("gyro", "gyro", "gyro"), ("flow", "floor_motion", FLOOR.name)])
@@ -271,7 +271,7 @@ def test_after_that_the_robot_tells_no_more() -> None:
     with in_world("gyro") as robot:
         came: list[str] = []
         robot.connection.add_listener(lambda message: came.append(message.get_type()))
-        with told_of_sensors(robot, RATE_HZ):
+        with sensor_advice(robot, RATE_HZ):
             robot.pump(3.0)
         assert came.count("OMNI_GYRO") == pytest.approx(3.0 * RATE_HZ, abs=2)
         came.clear()
@@ -289,7 +289,7 @@ def test_the_messages_come_as_rarely_as_asked_for() -> None:
             came[message.get_type()] = came.get(message.get_type(), 0) + len(message.get_msgbuf())
 
         remove = robot.connection.add_listener(count)
-        with told_of_sensors(robot, RADIO_RATE_HZ) as sensors:
+        with sensor_advice(robot, RADIO_RATE_HZ) as sensors:
             assert sensors == SENSORS
             robot.pump(20.0)
         remove()
@@ -302,7 +302,7 @@ def test_the_messages_come_as_rarely_as_asked_for() -> None:
 def test_a_floor_sensor_that_points_elsewhere_is_put_right_by_the_advice(mounted_deg: float) -> None:
     with (
         in_world("flow", parameters={"CTL_MODE": 0.0}, world={"flow_angle_rad": math.radians(mounted_deg)}) as robot,
-        told_of_sensors(robot, RATE_HZ),
+        sensor_advice(robot, RATE_HZ),
     ):
         drive_in_two_directions(robot)
         quality = words_of(robot)[FLOOR.name]
@@ -345,7 +345,7 @@ def test_a_firmware_that_has_no_such_message_is_left_alone(fake_robot: Callable[
     fake.command_results[mavlink.MAV_CMD_SET_MESSAGE_INTERVAL] = mavlink.MAV_RESULT_UNSUPPORTED
     with connect(fake, clock=fake.clock) as robot:
         robot.parameters.download()
-        with told_of_sensors(robot, RATE_HZ) as sensors:
+        with sensor_advice(robot, RATE_HZ) as sensors:
             assert sensors == (GYRO,)
             console = Console(width=200, record=True, file=io.StringIO())
             console.print(view(robot, 3, sensors))
@@ -356,7 +356,7 @@ def test_a_robot_that_is_gone_is_not_asked_at_the_end(fake: Any, robot: Robot) -
     fake.values["GYRO_AXIS"] = 3.0
     fake.command_results[mavlink.MAV_CMD_REQUEST_MESSAGE] = mavlink.MAV_RESULT_UNSUPPORTED
     robot.parameters.download()
-    with told_of_sensors(robot, RATE_HZ):
+    with sensor_advice(robot, RATE_HZ):
         fake.silent = True
         robot.pump(5.0)
         end_s = fake.now_s

@@ -30,7 +30,7 @@ def torque_error_mm(dead: float, *, ideal: bool = False) -> float:
     return 1e3 * metrics.tracking_rmse(run.record).position_m
 
 
-def test_dry_friction_and_the_dead_band_that_makes_up_for_it() -> None:
+def test_dry_friction_and_the_deadband_that_makes_up_for_it() -> None:
     with_it, without = torque_error_mm(DRY_N_M / 4.67), torque_error_mm(0.0)
     assert f"path is off by {with_it:.1f} instead of {without:.1f} mm" in PAGE
 

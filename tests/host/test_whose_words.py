@@ -113,10 +113,10 @@ def test_others_do_not_set_the_clock(line: Line, robot: Robot, source: tuple[int
 @pytest.mark.parametrize("source", [*OTHERS[:2], OTHERS[3]])
 def test_texts_are_the_robots_and_those_of_its_hub(line: Line, robot: Robot, source: tuple[int, int]) -> None:
     line.say(source, mavlink.MAVLink_statustext_message(3, b"camera: no card"))
-    line.say((7, HUB_COMPONENT), mavlink.MAVLink_statustext_message(4, b"hub: nobody commands"))
+    line.say((7, HUB_COMPONENT), mavlink.MAVLink_statustext_message(4, b"hub: no client in command"))
     line.say((7, 1), mavlink.MAVLink_statustext_message(4, b"armed"))
     line.heard(robot)
-    assert {text.text for text in robot.texts.all} == {"hub: nobody commands", "armed"}
+    assert {text.text for text in robot.texts.all} == {"hub: no client in command", "armed"}
 
 
 @pytest.mark.parametrize("source", OTHERS)

@@ -22,8 +22,8 @@ def command(number: int, *parameters: float, count: int = 0) -> Any:
     return mavlink.MAVLink_command_long_message(1, 1, number, 0, *padded)
 
 
-def set_point(speed: float = 0.1) -> Any:
-    """Return a velocity set-point."""
+def setpoint(speed: float = 0.1) -> Any:
+    """Return a velocity setpoint."""
     return mavlink.MAVLink_set_position_target_local_ned_message(
         0, 1, 1, 8, 0b0000011111000111, 0, 0, 0, speed, 0, 0, 0, 0, 0, 0, 0
     )

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Three programs at a hub that ask for more than a 9600-baud radio carries: ``python -m tests.hub.budget``.
 
-One drives at 20 set-points a second, one asks for parameters without end, one sends pose fixes at 50 Hz. A fourth one
+One drives at 20 setpoints a second, one asks for parameters without end, one sends pose fixes at 50 Hz. A fourth one
 stops the robot at random moments. The line is simulated, and so is the time.
 """
 
@@ -16,7 +16,7 @@ from omni.hub.core import HubSettings
 from omniwheel.dialect import mavlink
 from omniwheel.radio_model import BITS_PER_BYTE, RadioDirection, RadioSettings
 from omniwheel.signing import Signer
-from tests.hub.bench import ARM, Bench, beat, command, set_point
+from tests.hub.bench import ARM, Bench, beat, command, setpoint
 
 BAUD = 9600
 STOP = mavlink.MAV_CMD_OMNI_ESTOP
@@ -26,7 +26,7 @@ STOP = mavlink.MAV_CMD_OMNI_ESTOP
 class Result:
     """``bytes_s`` over the run; ``excess_bytes`` is the most by which any stretch of time was over the budget.
 
-    ``gap_s`` is the longest time between two set-points on the line with no stop in between. ``stop_s`` are the times
+    ``gap_s`` is the longest time between two setpoints on the line with no stop in between. ``stop_s`` are the times
     from each stop to its last byte on the line.
     ``told`` says whether the program that asked for too much was told, ``read`` how many parameters it asked for.
     """
@@ -58,7 +58,7 @@ def run(duration_s: float, seed: int, *, signed: bool = False) -> Result:
     steps = round(duration_s * 1e3)
     for step in range(steps):
         if step % 50 == 0:
-            driver.send(set_point(0.1 + step * 1e-6))
+            driver.send(setpoint(0.1 + step * 1e-6))
         if step % 1000 == 0:
             driver.send(beat())
         if step % 5 == 0:
@@ -105,7 +105,7 @@ def main() -> None:
         sys.stdout.write(
             f"{'signed' if signed else 'open'}: {max(r.bytes_s for r in results):.0f} B/s, "
             f"over the budget by {max(r.excess_bytes for r in results):.0f} bytes at most; "
-            f"set-points at most {max(r.gap_s for r in results) * 1e3:.0f} ms apart; {len(stops)} stops, "
+            f"setpoints at most {max(r.gap_s for r in results) * 1e3:.0f} ms apart; {len(stops)} stops, "
             f"median {stops[len(stops) // 2] * 1e3:.0f} ms, latest {stops[-1] * 1e3:.0f} ms; "
             f"{min(r.read for r in results)} parameters asked for\n"
         )

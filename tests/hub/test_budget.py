@@ -13,7 +13,7 @@ from omni.hub.addresses import SHARE
 from omni.hub.core import HubSettings
 from omniwheel.dialect import mavlink
 from omniwheel.robots import parameter_table
-from tests.hub.bench import ARM, LATER, Bench, beat, command, set_point
+from tests.hub.bench import ARM, LATER, Bench, beat, command, setpoint
 from tests.hub.budget import BAUD, Result, run
 
 STOP_S = 0.2
@@ -32,7 +32,7 @@ def test_three_programs_stay_inside_the_byte_budget_at_any_time(crowded: Result)
 
 
 @pytest.mark.full
-def test_set_points_come_often_enough_for_the_robot_to_drive(crowded: Result) -> None:
+def test_setpoints_come_often_enough_for_the_robot_to_drive(crowded: Result) -> None:
     assert crowded.gap_s < parameter_table()["SAFE_CMD_TO"].default
 
 
@@ -50,22 +50,22 @@ NAN_HOLD = mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP
 SLOW = HubSettings("radio", 480.0, 100.0)
 
 
-def test_of_set_points_only_the_newest_waits() -> None:
+def test_of_setpoints_only_the_newest_waits() -> None:
     bench = Bench(SLOW)
     station = bench.join("first")
     for speed in range(20):
-        station.send(set_point(float(speed)))
+        station.send(setpoint(float(speed)))
     bench.run(1.0)
     assert [message.vx for _, message in bench.sent] == [19.0]
 
 
-def test_an_old_set_point_is_not_sent_but_said() -> None:
+def test_an_old_setpoint_is_not_sent_but_said() -> None:
     bench = Bench(SLOW)
     driver = bench.join("first")
-    driver.send(*(mavlink.MAVLink_ping_message(number, 0, 1, 1) for number in range(20)), set_point())
+    driver.send(*(mavlink.MAVLink_ping_message(number, 0, 1, 1) for number in range(20)), setpoint())
     bench.run(3.0)
     assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
-    assert "hub: link is full, 1 left out" in driver.texts()
+    assert "hub: link is full, 1 dropped" in driver.texts()
 
 
 def test_commands_that_do_not_fit_are_put_off() -> None:

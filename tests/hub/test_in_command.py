@@ -9,7 +9,7 @@ from omni.hub.in_command import ENDED_PAUSE_S, IDLE_S, PAUSE_S
 from omni.hub.outbox import STALE_S
 from omniwheel.dialect import mavlink
 from omniwheel.hub import notices
-from tests.hub.bench import ACCEPTED, ARM, DENIED, LATER, Bench, Station, beat, command, set_point
+from tests.hub.bench import ACCEPTED, ARM, DENIED, LATER, Bench, Station, beat, command, setpoint
 
 STOPS = {
     "disarm": command(ARM, 0.0),
@@ -43,7 +43,7 @@ def driven() -> tuple[Bench, Station, Station]:
 
 def test_the_first_to_arm_commands_and_the_others_are_told() -> None:
     _, _, second = driven()
-    assert "hub: first commands" in second.texts()
+    assert "hub: first in command" in second.texts()
 
 
 @pytest.mark.parametrize("name", MOVES)
@@ -52,7 +52,7 @@ def test_who_does_not_command_is_denied_with_the_reason(name: str) -> None:
     second.send(MOVES[name])
     bench.run()
     assert second.results(MOVES[name].command)[-1] == DENIED
-    assert "hub: refused, first commands" in second.texts()
+    assert "hub: refused, first in command" in second.texts()
     assert len(bench.commands(MOVES[name].command)) == (1 if name == "arm" else 0)
 
 
@@ -64,14 +64,14 @@ def test_a_denial_carries_the_receipt_of_a_numbered_command() -> None:
     assert second.got("COMMAND_ACK")[-1].get_srcComponent() == 1
 
 
-def test_refused_set_points_are_said_once_in_two_seconds() -> None:
+def test_refused_setpoints_are_said_once_in_two_seconds() -> None:
     bench, first, second = driven()
     for _ in range(100):
         first.send(beat())
-        second.send(set_point())
+        second.send(setpoint())
         bench.run(0.05)
     assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
-    assert second.texts().count("hub: refused, first commands") == 3
+    assert second.texts().count("hub: refused, first in command") == 3
 
 
 @pytest.mark.parametrize("name", STOPS)
@@ -80,7 +80,7 @@ def test_a_stop_passes_from_any_client_before_everything_queued(name: str) -> No
     bench.sent.clear()
     for number in range(20):
         first.send(mavlink.MAVLink_param_request_read_message(1, 1, b"", number))
-    first.send(set_point(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0))
+    first.send(setpoint(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0))
     second.send(STOPS[name])
     bench.run()
     assert bench.sent[0][1].command == STOPS[name].command
@@ -113,7 +113,7 @@ def test_the_command_is_free_once_the_robot_is_not_armed() -> None:
     bench.run()
     bench.robot_is(armed=False)
     bench.run()
-    assert "hub: nobody commands" in second.texts()
+    assert "hub: no client in command" in second.texts()
     second.send(command(ARM, 1.0))
     bench.run()
     assert second.results()[-1] == ACCEPTED
@@ -122,7 +122,7 @@ def test_the_command_is_free_once_the_robot_is_not_armed() -> None:
 @pytest.mark.parametrize("name", STOPS)
 def test_a_stream_that_somebody_else_stopped_does_not_get_the_command_back(name: str) -> None:
     bench, first, second = driven()
-    first.send(set_point())
+    first.send(setpoint())
     second.send(STOPS[name])
     bench.run(0.05)
     bench.robot_is(armed=name == "hold")
@@ -130,15 +130,15 @@ def test_a_stream_that_somebody_else_stopped_does_not_get_the_command_back(name:
     bench.run(0.05)
     bench.sent.clear()
     for _ in range(60):
-        first.send(set_point(), beat())
+        first.send(setpoint(), beat())
         bench.run(0.05)
     for _ in range(3):
         bench.run(2 * PAUSE_S)
-        first.send(set_point())
+        first.send(setpoint())
         bench.run()
     assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names(), "a program that stood still for a moment is the same"
     bench.run(ENDED_PAUSE_S)
-    first.send(set_point())
+    first.send(setpoint())
     bench.run()
     assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names(), "after a long silence it may be another program"
 
@@ -148,7 +148,7 @@ def test_a_client_that_arms_anew_streams_anew() -> None:
     second.send(command(ARM, 0.0))
     bench.run(0.05)
     bench.robot_is(armed=False)
-    first.send(command(ARM, 1.0), set_point())
+    first.send(command(ARM, 1.0), setpoint())
     bench.run()
     assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names()
 
@@ -156,23 +156,23 @@ def test_a_client_that_arms_anew_streams_anew() -> None:
 def test_the_command_is_free_once_its_client_has_gone() -> None:
     bench, first, second = driven()
     bench.leave(first)
-    second.send(set_point())
+    second.send(setpoint())
     bench.run()
     assert bench.names().count("SET_POSITION_TARGET_LOCAL_NED") == 1
 
 
 def test_a_refused_stream_does_not_take_over_in_its_middle() -> None:
     bench, first, second = driven()
-    second.send(set_point())
+    second.send(setpoint())
     bench.run(0.05)
     bench.leave(first)
     for _ in range(60):
-        second.send(set_point())
+        second.send(setpoint())
         bench.run(0.05)
     assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
     assert "hub: refused, pause before you take over" in second.texts()
     bench.run(PAUSE_S)
-    second.send(set_point())
+    second.send(setpoint())
     bench.run()
     assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names()
 
@@ -185,14 +185,14 @@ def test_a_client_in_command_that_heartbeats_keeps_an_armed_robot_and_a_silent_o
     assert bench.hub.command.holder == first.number
     bench.run(IDLE_S, 0.1)
     assert bench.hub.command.holder is None
-    assert "hub: nobody commands" in second.texts()
+    assert "hub: no client in command" in second.texts()
 
 
 def test_who_moves_a_disarmed_robot_and_goes_idle_loses_the_command_although_it_heartbeats() -> None:
     bench = Bench()
     first = bench.join("first")
     bench.robot_is(armed=False)
-    first.send(set_point())
+    first.send(setpoint())
     for _ in range(5):
         bench.run(1.0, 0.1)
         first.send(beat())
@@ -253,9 +253,9 @@ def test_heartbeats_of_other_components_take_the_place_of_no_stations_heartbeat(
     assert set(kinds) == {mavlink.MAV_TYPE_GCS}
 
 
-def test_the_hub_never_repeats_a_set_point() -> None:
+def test_the_hub_never_repeats_a_setpoint() -> None:
     bench, first, _ = driven()
-    first.send(set_point())
+    first.send(setpoint())
     bench.run(5.0, 0.01)
     assert bench.names().count("SET_POSITION_TARGET_LOCAL_NED") == 1
 
@@ -263,7 +263,7 @@ def test_the_hub_never_repeats_a_set_point() -> None:
 def test_nothing_of_a_client_that_has_gone_is_sent_but_its_stop() -> None:
     bench, first, _ = driven()
     bench.sent.clear()
-    first.send(set_point(), mavlink.MAVLink_param_request_list_message(1, 1))
+    first.send(setpoint(), mavlink.MAVLink_param_request_list_message(1, 1))
     bench.leave(first)
     bench.run()
     assert bench.sent == []
@@ -282,13 +282,13 @@ def test_without_a_port_commands_are_put_off_and_everybody_is_told() -> None:
     bench.run(1.0, 0.1)
     assert first.results()[-1] == LATER
     assert second.results()[-1] == LATER
-    assert "hub: port is gone, waiting for it" in first.texts()
-    assert "hub: port is gone, waiting for it" in second.texts()
+    assert "hub: port is disconnected, waiting for it" in first.texts()
+    assert "hub: port is disconnected, waiting for it" in second.texts()
     bench.sent.clear()
     bench.hub.port_opened()
     bench.run(STALE_S * 2)
     assert bench.sent == [], "nothing that was asked for before is done now"
-    assert second.texts()[-1] == "hub: port is there"
+    assert second.texts()[-1] == "hub: port is connected"
 
 
 def test_who_had_the_port_before_keeps_an_armed_robot() -> None:
@@ -302,7 +302,7 @@ def test_who_had_the_port_before_keeps_an_armed_robot() -> None:
     second.send(command(ARM, 1.0))
     bench.run()
     assert second.results() == [DENIED]
-    assert "hub: refused, omni drive (1) commands" in second.texts()
+    assert "hub: refused, omni drive (1) in command" in second.texts()
     assert "HEARTBEAT" in bench.names()
 
 
@@ -324,7 +324,7 @@ def test_a_name_that_is_too_long_or_strange_leaves_room_for_the_text() -> None:
     first.send(mavlink.MAVLink_statustext_message(6, b"this is \x1b[31m" + b"x" * 40))
     second.send(command(ARM, 1.0))
     bench.run()
-    assert f"hub: refused, {('[31m' + 'x' * 40)[:25]} commands" in second.texts()
+    assert f"hub: refused, {('[31m' + 'x' * 40)[:25]} in command" in second.texts()
 
 
 def test_another_robot_on_the_same_radio_does_not_free_the_command() -> None:
@@ -365,7 +365,7 @@ def test_another_robot_that_is_armed_is_kept_going_by_its_own_driver_only(first:
 
 
 @pytest.mark.parametrize("name", STOPS)
-def test_who_drives_is_told_which_program_ended_its_drive_and_that_its_set_points_are_refused(name: str) -> None:
+def test_who_drives_is_told_which_program_ended_its_drive_and_that_its_setpoints_are_refused(name: str) -> None:
     bench, first, second = driven()
     second.inbox.clear()
     second.send(STOPS[name])
@@ -373,7 +373,7 @@ def test_who_drives_is_told_which_program_ended_its_drive_and_that_its_set_point
     assert [text for text in first.texts() if "second" in text and notices.ends_drive(text)]
     assert not [text for text in second.texts() if notices.ends_drive(text)], "its own"
     first.inbox.clear()
-    first.send(set_point())
+    first.send(setpoint())
     bench.run()
     assert [text for text in first.texts() if notices.ends_drive(text)]
 
@@ -390,14 +390,14 @@ def test_a_stop_of_another_robot_ends_no_drive_and_takes_nothing_away() -> None:
     bench, first, second = driven()
     bench.answers = False
     bench.sent.clear()
-    first.send(set_point(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, count=5))
+    first.send(setpoint(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, count=5))
     for number, value in ((ARM, 0.0), (mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP, 0.0), (mavlink.MAV_CMD_OMNI_ESTOP, 1.0)):
         stop = command(number, value)
         stop.target_system = 2
         second.send(stop)
     bench.run()
     assert "SET_POSITION_TARGET_LOCAL_NED" in bench.names()
-    first.send(set_point(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, count=5))
+    first.send(setpoint(), command(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, -1.0, count=5))
     bench.run()
     assert bench.hub.command.holder == first.number
     assert bench.names().count("SET_POSITION_TARGET_LOCAL_NED") == 2
@@ -418,7 +418,7 @@ def test_a_stop_ends_the_drive_of_a_program_that_was_silent_for_a_while() -> Non
     second.send(STOPS["hold"])
     bench.run()
     bench.sent.clear()
-    first.send(set_point())
+    first.send(setpoint())
     bench.run()
     assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names()
     assert [text for text in first.texts() if notices.ends_drive(text)]

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from omni.hub.frame_finder import SILENCE_S, FrameFinder
 from omni.hub.rules import Kind, kind_of
 from omniwheel.dialect import mavlink
-from tests.hub.bench import ARM, Bench, beat, command, set_point
+from tests.hub.bench import ARM, Bench, beat, command, setpoint
 
 ESTOP = mavlink.MAV_CMD_OMNI_ESTOP
 STOPS = {
@@ -62,7 +62,7 @@ def header(number: int, length: int, flags: int = 0) -> bytes:
     return struct.pack("<BBBBBBBHB", 0xFD, length, flags, 0, 7, 255, 190, number & 0xFFFF, number >> 16)
 
 
-HALF = frame_of(set_point())
+HALF = frame_of(setpoint())
 NOISE = {
     "a start byte of MAVLink 1": b"\xfe",
     "a start byte of MAVLink 2": b"\xfd",
@@ -72,7 +72,7 @@ NOISE = {
     "a long message's beginning": header(mavlink.MAVLINK_MSG_ID_LOGGING_DATA, 255),
     "the same, signed": header(mavlink.MAVLINK_MSG_ID_LOGGING_DATA, 255, 1),
     "a stranger's beginning": header(REMOTE_LOG_BLOCK, 206),
-    **{f"{count} bytes of a set-point": HALF[:count] for count in range(1, len(HALF), 7)},
+    **{f"{count} bytes of a setpoint": HALF[:count] for count in range(1, len(HALF), 7)},
 }
 
 
@@ -162,7 +162,7 @@ def test_no_bytes_before_it_and_no_cuts_hold_a_stop_back(noise: list[bytes], cut
 
 @given(st.lists(st.integers(0, 300), max_size=20), st.integers(0, 255))
 def test_frames_are_given_once_and_in_order_however_they_are_cut(cuts: list[int], sequence: int) -> None:
-    frames = [frame_of(m, sequence=sequence) for m in (beat(), set_point(), command(ARM, 1.0), command(ESTOP, 1.0))]
+    frames = [frame_of(m, sequence=sequence) for m in (beat(), setpoint(), command(ARM, 1.0), command(ESTOP, 1.0))]
     data = b"".join(frames)
     finder = FrameFinder(lambda message: kind_of(message) is Kind.STOP)
     assert [bytes(message.get_msgbuf()) for message in taken(finder, data, cuts)] == frames

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from omniwheel.dialect import mavlink
-from tests.hub.bench import ACCEPTED, ARM, DENIED, WIDE, Bench, beat, command, set_point
+from tests.hub.bench import ACCEPTED, ARM, DENIED, WIDE, Bench, beat, command, setpoint
 
 REBOOT_INFO = mavlink.MAV_CMD_REQUEST_MESSAGE
 
@@ -181,7 +181,7 @@ ONE_EACH: dict[str, Callable[[], Any]] = {
     "disarm": lambda: command(ARM, 0.0),
     "hold": lambda: command(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP),
     "numbered command": lambda: command(REBOOT_INFO, 148.0, count=7),
-    "set-point": set_point,
+    "setpoint": setpoint,
     "sticks": lambda: mavlink.MAVLink_manual_control_message(1, 0, 0, 0, 0, 0),
     "list": lambda: mavlink.MAVLink_param_request_list_message(1, 1),
     "parameter": lambda: mavlink.MAVLink_param_request_read_message(1, 1, b"MOT_R", -1),

@@ -19,7 +19,7 @@ from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkOpenError
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.link import LinkAddress
-from tests.hub.bench import ARM, Bench, beat, command, set_point
+from tests.hub.bench import ARM, Bench, beat, command, setpoint
 
 ROUNDS = 3000
 
@@ -116,7 +116,7 @@ def test_a_client_that_does_not_read_is_sent_away_and_the_others_go_on(
             for client in server.hub.clients.values():
                 if client.number == 1:
                     client.out += noise
-            return any("does not read" in line for line in server.hub.events)
+            return any("does not read its messages" in line for line in server.hub.events)
 
         serve_until(server, flooded)
         serve_until(server, lambda: heartbeat(busy))
@@ -129,14 +129,14 @@ def test_idle_connections_neither_end_the_hub_nor_lock_out_a_stop(robot: str) ->
     with HubServer(robot, ["tcp:127.0.0.1:0"]) as server, ExitStack() as stack:
         driver = mavutil.mavlink_connection(server.urls[0], dialect="common")
         stack.callback(driver.close)
-        driver.mav.send(set_point())
+        driver.mav.send(setpoint())
         serve_until(server, lambda: server.hub.command.holder)
         host, port = server.urls[0].removeprefix("tcp:").split(":")
         for _ in range(300):
             stack.enter_context(socket.create_connection((host, int(port))))
             server.serve(0.0)
         assert len(server.hub.clients) == clients.MOST_CLIENTS
-        assert server.hub.command.holder is not None, "who commands is not sent away"
+        assert server.hub.command.holder is not None, "the client in command is not disconnected"
         calm = mavutil.mavlink_connection(server.urls[0], dialect="common")
         stack.callback(calm.close)
         calm.mav.send(command(mavlink.MAV_CMD_OMNI_ESTOP, 1.0))

@@ -97,7 +97,7 @@ def test_the_trial_of_one_client_is_kept_from_the_others() -> None:
         other.send(command(TRIAL, action, count=7))
         bench.run()
     assert other.results(TRIAL) == [DENIED] * 4
-    assert "hub: tuner tries parameters" in other.texts()
+    assert "hub: tuner began a parameter trial" in other.texts()
     assert trials(bench) == [(190, TRIAL_BEGIN)]
     tuner.send(command(TRIAL, TRIAL_KEEP))
     bench.run()
@@ -119,7 +119,7 @@ def test_a_trial_that_was_only_asked_about_or_refused_keeps_nobody_out() -> None
         bench.run()
     second.send(command(TRIAL, TRIAL_BEGIN, count=3))
     bench.run()
-    assert not any("tries parameters" in text for text in second.texts())
+    assert not any("parameter trial" in text for text in second.texts())
     assert trials(bench) == [(190, TRIAL_ASK), (190, TRIAL_BEGIN), (190, TRIAL_BEGIN)]
 
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import pytest
 
 from image_check import run
-from image_check.apart import Died, call_apart
 from image_check.bench import Context
 from image_check.check import Check
 from image_check.run import outcome_page, run_checks
+from image_check.worker_processes import ProcessFailure, call_in_processes
 from omniwheel.errors import FirmwareStartError
 from tests.image.flashed import image_path
 from tests.needs import need
@@ -33,16 +33,16 @@ def _act(what: int) -> int:
 
 
 def test_each_call_gives_its_result_or_the_cause_of_its_end() -> None:
-    results = dict(call_apart(_act, [(0,), (1,), (2,), (4,)], 2))
+    results = dict(call_in_processes(_act, [(0,), (1,), (2,), (4,)], 2))
     assert results[0] == 0
-    assert results[1] == Died("its process was ended by signal SIGSEGV")
-    assert results[2] == Died("its process ended by itself with exit code 7")
+    assert results[1] == ProcessFailure("its process was ended by signal SIGSEGV")
+    assert results[2] == ProcessFailure("its process ended by itself with exit code 7")
     assert results[3] == 40
 
 
 def test_a_call_that_takes_too_long_is_ended() -> None:
-    ((number, result),) = call_apart(_act, [(3,)], 1, limit_s=1)
-    assert (number, result) == (0, Died("it did not end in the processor time that it has"))
+    ((number, result),) = call_in_processes(_act, [(3,)], 1, limit_s=1)
+    assert (number, result) == (0, ProcessFailure("it did not end in the processor time that it has"))
 
 
 def _fine(_context: Context) -> list[str]:

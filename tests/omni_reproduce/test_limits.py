@@ -152,7 +152,7 @@ def test_a_filter_that_knows_the_world_reaches_the_bound(more: dict[str, Any]) -
 @pytest.mark.parametrize("key", ["demo", "gyro", "flow"])
 def test_the_robot_is_not_below_the_bound(key: str) -> None:
     """Below it the bound would be wrong."""
-    bound, told = limits.bound_and_told(SPEC, key, PATHS)
+    bound, told = limits.bound_and_informed_filter(SPEC, key, PATHS)
     reached = limits.reached_by_robot(limits.scenario_of(SPEC, key, "ideal"), 1, SEEDS, 1)
     assert (np.sqrt(np.mean(reached**2, axis=0)) > bound).all()
     assert (told > (1.0 - MONTE_CARLO) * bound).all()

@@ -19,7 +19,7 @@ def test_a_row_has_a_cell_for_each_column(monkeypatch: pytest.MonkeyPatch, capsy
         return np.full(2, 2.0 - parameters["EKF_ADAPT"])
 
     monkeypatch.setattr(limits_adapt, "errors_of", errors_of)
-    monkeypatch.setattr(limits, "bound_and_told", lambda *_: (np.array([1.0, 0.5]), np.ones(2)))
+    monkeypatch.setattr(limits, "bound_and_informed_filter", lambda *_: (np.array([1.0, 0.5]), np.ones(2)))
     limits_adapt.main(["demo", "no_fixes", "--seeds", "2", "--wheels", "real"])
     head, _, demo, without = capsys.readouterr().out.splitlines()
     assert head == "| setting | preset `fixed_noise` | EKF_ADAPT = 0 | EKF_ADAPT = 0.05 | EKF_ADAPT = 0.2 |"
@@ -38,7 +38,7 @@ def test_the_rate_reaches_the_robot_and_outliers_the_world() -> None:
 
 
 def test_each_noise_parameter_has_a_cell(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(limits, "bound_and_told", lambda *_: (np.array([1.0, 0.5]), np.ones(2)))
+    monkeypatch.setattr(limits, "bound_and_informed_filter", lambda *_: (np.array([1.0, 0.5]), np.ones(2)))
     monkeypatch.setattr(limits_noise, "over_bound", lambda *_: np.array([1.5, 1.25]))
     limits_noise.main(["demo", "--seeds", "2"])
     head, _, demo = capsys.readouterr().out.splitlines()

@@ -19,7 +19,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict[str, float]]:
         return np.array([1.5, 1.0 + abs(factor - 0.5)])
 
     monkeypatch.setattr(limits_noise, "over_bound", over_bound)
-    monkeypatch.setattr(limits, "bound_and_told", lambda *_: (np.ones(2), np.ones(2)))
+    monkeypatch.setattr(limits, "bound_and_informed_filter", lambda *_: (np.ones(2), np.ones(2)))
     return changes
 
 

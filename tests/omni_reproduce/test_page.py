@@ -9,7 +9,7 @@ import pytest
 from omni_reproduce import numbers, page, registry, study
 from omni_reproduce.experiment import Context, Result, Row
 from omniwheel.errors import OmniError
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 ROWS = (
     Row("table2", "as published", "x RMSE", "m", 0.00081, 0.00002, 20, published=0.0008, explanation="one | two"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Table 1: the published figures, their reason, and the dead-band compensated."""
+"""Table 1: the published figures, their reason, and the deadband compensated."""
 
 import copy
 from pathlib import Path
@@ -33,14 +33,14 @@ def test_compensated_every_try_ends_within_a_centimetre(controller: str) -> None
 
 
 @pytest.mark.full
-def test_without_a_dead_band_there_is_nothing_to_explain() -> None:
+def test_without_a_deadband_there_is_nothing_to_explain() -> None:
     spec = copy.deepcopy(SPEC)
     spec["robot"]["dead_pwm"] = 0
     assert final_cm("P", spec=spec).max() < 0.5
 
 
 @pytest.mark.full
-def test_the_error_is_the_dead_band_over_the_gain() -> None:
+def test_the_error_is_the_deadband_over_the_gain() -> None:
     weak = copy.deepcopy(SPEC)
     weak["controller"]["P"]["kp"] = 0.5 * SPEC["controller"]["P"]["kp"]
     assert final_cm("P", spec=weak).mean() == pytest.approx(2.0 * final_cm("P").mean(), rel=0.15)
@@ -55,7 +55,7 @@ def test_an_integral_without_limit_swings_the_robot() -> None:
     assert final_cm(spec_name).mean() > 2.0 * final_cm("PID").mean()
 
 
-def test_the_motor_has_the_dead_band_full_speed_and_lag_it_says() -> None:
+def test_the_motor_has_the_deadband_full_speed_and_lag_it_says() -> None:
     robot = SPEC["robot"]
     world = make_world(
         {**table1.motor_fields(robot), "wheel_radius_m": 0.03275, "wheel_distance_m": 0.195},

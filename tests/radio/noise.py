@@ -3,7 +3,7 @@
 
     python -m tests.radio.noise [--seed 1] [--count 200]
 
-A robot drives; its station streams set-points and heartbeats. Something damaged comes just before an emergency stop: a
+A robot drives; its station streams setpoints and heartbeats. Something damaged comes just before an emergency stop: a
 noise byte, or a frame that was cut. Counted are robot ticks from the stop's last byte until no motor has a duty.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The original robot's set-point lines on the radio, in lockstep, among MAVLink frames and noise."""
+"""The original robot's setpoint lines on the radio, in lockstep, among MAVLink frames and noise."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ REFUSED: dict[str, Callable[[mavlink.MAVLink], None]] = {
     "an unknown parameter": lambda m: m.param_set_send(1, 1, b"NO_SUCH", 1.0, 9),
     "a value out of range": lambda m: m.param_set_send(1, 1, b"SYS_ID", 0.0, 9),
     "a wrong type": lambda m: m.param_set_send(1, 1, b"SYS_ID", 2.0, 6),
-    "a set-point": lambda m: m.omni_setpoint_duty_send(1, 1, [9.0, 0.0, 0.0, 0.0]),
+    "a setpoint": lambda m: m.omni_setpoint_duty_send(1, 1, [9.0, 0.0, 0.0, 0.0]),
     "a pose fix": lambda m: m.vicon_position_estimate_send(0, float("nan"), 0.0, 0.0, 0.0, 0.0, 0.0),
     "a trajectory": lambda m: m.command_long_send(1, 1, mavlink.MAV_CMD_OMNI_TRAJECTORY_START, 0, 99, 0, 0, 0, 0, 0, 0),
     "a waypoint": lambda m: m.command_long_send(1, 1, mavlink.MAV_CMD_OMNI_WAYPOINT, 0, 9, 0, 0, 0, 0, 0, 0),

@@ -54,7 +54,7 @@ def test_nothing_moves_before_yes_the_wheel_is_shown_and_a_stop_ends_it(page: Pa
     begin(page, "motors")
     until(page, "state.bring_up.question")
     page.click("#start-path")  # what else moves the robot waits
-    page.get_by_role("button", name="Yes, go on").click()
+    page.get_by_role("button", name="Yes, continue").click()
     until(page, "state.bring_up.wheel === 2 && robot.armed")
     until(page, "document.querySelector('#bring-up-drawing .meant')?.dataset.wheel === '2'")
     page.keyboard.press("Space")
@@ -111,7 +111,7 @@ def test_an_answer_to_an_earlier_question_and_nonsense_are_refused() -> None:
 
 def test_the_wheel_that_is_meant_is_found_in_what_the_checks_say() -> None:
     person = PagePerson(Listening(lambda: None))  # type: ignore[arg-type]
-    person.tell("Turn wheel 2 by hand by one whole revolution")
+    person.show("Turn wheel 2 by hand by one whole revolution")
     assert person.wheel == 2
-    person.tell("forward 20 cm")
+    person.show("forward 20 cm")
     assert person.wheel is None

@@ -52,13 +52,13 @@ def page(simulated: Program, open_page: Opener) -> Page:
 
 def start(page: Page, name: str) -> None:
     """Start an experiment. One whose page a busy computer kept silent for too long has ended: it begins again."""
-    lost = f"({RUN}?.trouble ?? '').includes('the page that commands is gone')"
+    lost = f"({RUN}?.trouble ?? '').includes('the page in command was closed')"
     page.select_option("#experiment-kind", name)
     assert page.is_disabled("#experiment-start")
     for _ in range(5):
         page.click("#experiment-look")
         until(page, "!document.getElementById('experiment-start').disabled")
-        assert "needs a square of" in (page.text_content("#experiment-needs") or "")
+        assert "square of" in (page.text_content("#experiment-needs") or "")
         number = page.evaluate("studio.state.experiment?.number ?? 0")
         page.click("#experiment-start")
         until(page, f"{RUN}?.running || ({RUN}?.number > {number} && {lost})")
@@ -70,7 +70,7 @@ def start(page: Page, name: str) -> None:
 
 
 def run_to_the_end(page: Page, name: str) -> None:
-    """Run the chosen experiment. One whose set-points a busy computer held up is over: it begins again."""
+    """Run the chosen experiment. One whose setpoints a busy computer held up is over: it begins again."""
     done = f"{TEXT}.startsWith('{name} is done')"
     lost = f"({RUN}?.trouble ?? '').includes('command loss')"
     for _ in range(5):
@@ -121,7 +121,7 @@ def test_a_push_can_be_chosen_by_wheel_size_and_time(page: Page) -> None:
     until(page, f"{TEXT}.includes('LIM_WHEEL')")
     assert page.is_disabled("#experiment-start")
     page.get_by_label("Amplitude [V]").fill("1.5")
-    page.get_by_label("Lasts [s]").fill("0.2")
+    page.get_by_label("Duration [s]").fill("0.2")
     run_to_the_end(page, "disturbance")
     settings = json.loads((Path(page.evaluate("studio.state.experiment.folder")) / "experiment.json").read_text())
     assert settings["settings"]["wheel"] == 3
@@ -133,7 +133,7 @@ def test_too_little_room_is_refused_before_it_can_be_started(page: Page) -> None
     page.select_option("#experiment-kind", "wheel-step")
     page.get_by_label("Side of the free square").fill("0.2")
     page.click("#experiment-look")
-    until(page, f"{TEXT}.includes('needs a square of')")
+    until(page, f"{TEXT}.includes('square of')")
     assert page.is_disabled("#experiment-start")
     assert "--" not in page.evaluate(TEXT)
 
@@ -222,7 +222,7 @@ def test_a_closed_page_ends_it(page: Page, simulated: Program) -> None:
     page.close()
     wait_until(lambda: not simulated.state()["experiment"]["running"], "it goes on without its page")
     state = simulated.state()
-    assert "the page that commands is gone" in state["experiment"]["trouble"]
+    assert "the page in command was closed" in state["experiment"]["trouble"]
     wait_until(lambda: not simulated.state()["robot"]["armed"], "the robot is armed")
 
 

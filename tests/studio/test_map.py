@@ -60,7 +60,7 @@ def test_a_fix_that_is_refused_is_another_mark_with_its_reason(page: Page) -> No
     until(page, "studio.map.marked.some(({ result }) => result === 'too far')")
     far = shown(page, "too far")[0]
     assert math.hypot(far["x"] - x, far["y"] - y) > 0.4
-    until(page, "document.getElementById('fix-text').textContent.includes('it contradicted the estimate')")
+    until(page, "document.getElementById('fix-text').textContent.includes('it failed the outlier gate')")
     mend(page)
 
 
@@ -175,7 +175,7 @@ def test_a_robot_that_drives_blind_has_a_tilted_ellipse(page: Page, simulated: P
     page.fill("#target-x", f"{x + 0.7:.3f}")
     page.fill("#target-y", f"{y + 0.7:.3f}")
     page.fill("#target-theta", "0")
-    page.select_option("#world-speed", "0.25")  # a busy machine may hold the set-points up for half a second
+    page.select_option("#world-speed", "0.25")  # a busy machine may hold the setpoints up for half a second
     until(page, "state.world.speed === 0.25")
     arm(page)
     page.click("#go")

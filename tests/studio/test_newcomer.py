@@ -45,7 +45,7 @@ def drive_recorded(page: Page) -> None:
 def autotune(page: Page) -> None:
     page.select_option("#experiment-kind", "autotune")
     page.get_by_label("Side of the free square").fill("3")
-    page.get_by_label("Old and new in turns").select_option(index=0)
+    page.get_by_label("Comparison of old and new gains").select_option(index=0)
     page.click("#experiment-look")
     until(page, "!document.getElementById('experiment-start').disabled")
     page.click("#experiment-start")

@@ -344,7 +344,7 @@ def test_a_stop_is_sent_though_a_page_that_asked_for_something_has_gone() -> Non
     assert isinstance(kept.exception(timeout=0.0), LinkError)
 
 
-def test_of_set_points_only_the_newest_waits_and_the_order_stays() -> None:
+def test_of_setpoints_only_the_newest_waits_and_the_order_stays() -> None:
     queue = WorkQueue()
     first = queue.put(lambda _: "old", kind=SETPOINT)
     path = queue.put(lambda _: "path")
@@ -414,7 +414,7 @@ def test_an_error_of_its_own_does_not_end_the_robots_thread(monkeypatch: pytest.
     for _ in range(3):
         assert opened.acquire(timeout=30.0), "it tries again"
     assert session.phase == "lost"
-    assert session.trouble == "an error of the studio's own: ZeroDivisionError: planted"
+    assert session.trouble == "internal error: ZeroDivisionError: planted"
     session.close()
     assert session.phase == "closed"
 

@@ -68,7 +68,7 @@ def test_the_page_has_a_line_for_the_sensor_that_the_robot_has(sensing: tuple[Pr
     until(page, "robot?.sensors.length === 1")
     has, has_not = ("gyro", "floor") if scenario == "gyro" else ("floor", "gyro")
     words = (
-        r"/^gyro: used, bias [+-]0\.\d{5} rad\/s, sd 0\.\d{5}$/" if has == "gyro" else "/^floor sensor: used 0, ref/"
+        r"/^gyro: used, bias [+-]0\.\d{5} rad\/s, sd 0\.\d{5}$/" if has == "gyro" else "/^floor odometry: used 0, ref/"
     )
     text(page, f"{has}-text", words)
     hidden(page, f"{has}-advice", f"{has_not}-text", f"{has_not}-advice")
@@ -164,7 +164,7 @@ def test_a_sensor_that_comes_up_leaves_the_rate_that_was_chosen() -> None:
     robot.parameters.complete = True
     set_rate(robot, 20.0)
     session = SimpleNamespace(sensors=())
-    Session._mind_the_sensors(cast("Session", session), robot)
+    Session._update_sensor_streams(cast("Session", session), robot)
     assert robot.rates["OMNI_TRACKING"] == 20.0
     assert robot.rates["OMNI_GYRO"] == PLOT_RATE_HZ
     assert [sensor.name for sensor in session.sensors] == ["gyro"]

@@ -122,7 +122,7 @@ def two_stations(robots: AbstractContextManager[Firmware] | None = None) -> Iter
 
 
 @pytest.mark.parametrize("name", STOPS)
-def test_no_set_point_is_sent_after_another_station_ended_the_drive(name: str) -> None:
+def test_no_setpoint_is_sent_after_another_station_ended_the_drive(name: str) -> None:
     with two_stations() as (page, other, session):
         page.drive()
         other.wait_for(is_armed, "the robot is not armed")
@@ -137,7 +137,7 @@ def test_no_set_point_is_sent_after_another_station_ended_the_drive(name: str) -
         assert SETPOINT not in page.sent
 
 
-def test_a_drive_on_a_path_that_another_station_holds_has_ended_without_a_set_point() -> None:
+def test_a_drive_on_a_path_that_another_station_holds_has_ended_without_a_setpoint() -> None:
     with two_stations(in_a_world()) as (page, other, session):
         page.drive()
         page.ask("start_trajectory", type="circle")

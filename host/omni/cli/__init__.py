@@ -51,7 +51,8 @@ def _options(
             "--signing-key",
             envvar="OMNI_SIGNING_KEY",
             metavar="FILE",
-            help="Sign with the key in this file (omni radio key), as a robot's radio may want it. For every command "
+            help="Sign messages with the key in this file (see omni radio key); needed if the robot's radio has a "
+            "key. For every command "
             "that takes --link, at any place in the line.",
             show_default=False,
         ),
@@ -64,7 +65,7 @@ def _options(
             metavar="N",
             min=1,
             max=LAST_SYSTEM,
-            help="The robot's system id (SYS_ID), where several robots share a line. For every command that takes "
+            help="The robot's system id (SYS_ID), where several robots share one link. For every command that takes "
             "--link, at any place in the line.",
             show_default=False,
         ),

@@ -15,10 +15,10 @@ from omni.cli.common import (
     WhyOption,
     console,
     examples,
-    keep_history,
     note,
     open_robot,
     print_json,
+    record_history,
     signals_interrupt,
 )
 from omni.cli.log_options import RobotOption
@@ -43,7 +43,7 @@ EXAMPLES = examples(
 def autotune(
     link: LinkOption = None,
     room_m: RoomOption = 1.0,
-    legs: Annotated[int, typer.Option("--legs", min=4, max=31, help="Straight pieces of each drive.")] = 10,
+    legs: Annotated[int, typer.Option("--legs", min=4, max=31, help="Straight segments of each test drive.")] = 10,
     rounds: Annotated[int, rounds_option(2)] = 4,
     seed: OwnSeedOption = 1,
     prefer: Annotated[
@@ -85,7 +85,7 @@ def autotune(
         free_robot_path(name, Path())
         find_robot_file(robot_file)
     with signals_interrupt(), open_robot(link, timeout_s=timeout_s) as robot:
-        recorder = keep_history(robot, why)
+        recorder = record_history(robot, why)
         outcome = run(robot, settings, keep, lambda text: note(text, quiet=json_wanted))
         recorder.measured({v.kind.key: (v.before, v.after) for v in outcome.verdicts})
         if outcome.kept and store:

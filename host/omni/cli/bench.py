@@ -20,7 +20,9 @@ TICK_S = 1e-3
 
 def bench(
     seconds: Annotated[float, simulated_time_option(1.0, 600.0)] = 20.0,
-    repeat: Annotated[int, typer.Option("--repeat", min=1, max=20, help="Runs of each kind; the fastest counts.")] = 3,
+    repeat: Annotated[
+        int, typer.Option("--repeat", min=1, max=20, help="Repetitions of each measurement; the fastest is reported.")
+    ] = 3,
     json_wanted: JsonOption = False,
 ) -> None:
     """Measure how much faster than real time the simulations are, with the demo's scenario."""

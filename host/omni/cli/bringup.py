@@ -41,14 +41,17 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
 
 app = typer.Typer(
-    help="Check a new robot step by step: pass, or what to do. It is disarmed at the end, on Ctrl-C and on any error.",
+    help="Check a new robot step by step. Each check passes or names what to correct. It is disarmed at the end, on "
+    "Ctrl-C and on any error.",
     no_args_is_help=True,
 )
 
 YesOption = Annotated[
     bool,
     typer.Option(
-        "--yes", "-y", help="Ask nothing. The wheels turn at once, and mistakes that only eyes can see are not found."
+        "--yes",
+        "-y",
+        help="No questions: the wheels turn immediately, and errors that only an observer can see are not found.",
     ),
 ]
 RobotFileOption = Annotated[
@@ -57,16 +60,16 @@ RobotFileOption = Annotated[
         "--robot",
         "-r",
         metavar="NAME|FILE",
-        help="The robot file it should have.",
+        help="Robot file to compare the robot with.",
         show_default=False,
         autocompletion=completion.robots,
     ),
 ]
 RadioOption = Annotated[
     str | None,
-    typer.Option("--radio", metavar="URL", help="The robot's other link, to check both.", show_default=False),
+    typer.Option("--radio", metavar="URL", help="The robot's radio link, checked beside --link.", show_default=False),
 ]
-DutyOption = Annotated[float, typer.Option("--duty", min=0.05, max=0.5, help="Duty of the motors.")]
+DutyOption = Annotated[float, typer.Option("--duty", min=0.05, max=0.5, help="Duty cycle of the motors, 0 to 1.")]
 
 
 def _finish(result: Result, as_json: bool) -> None:
@@ -126,7 +129,7 @@ def link_command(
 @app.command("i2c", epilog=examples("omni bringup i2c"))
 @takes(RobotOptions)
 def i2c(*, wanted: RobotOptions) -> None:
-    """Ask which chips answer on the I2C bus: the PWM board should, at 0x40."""
+    """Scan the I2C bus and list the devices that respond. The PWM board must respond at 0x40."""
     from omniwheel.bringup import check_i2c
 
     _checked(wanted, True, lambda robot, _: check_i2c(robot))
@@ -149,7 +152,7 @@ def motors(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Check the motors on a stand, wheel by wheel at low duty: order, direction, speed, dead band."""
+    """Check the motors on a stand, wheel by wheel at low duty: order, direction, speed, deadband."""
     from omniwheel.bringup import check_motors
 
     _checked(wanted, yes, lambda robot, person: check_motors(robot, person, duty=duty))
@@ -162,7 +165,7 @@ def estop(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, measure how soon an emergency stop, missing set-points and missing heartbeats stop the wheels."""
+    """On a stand, measure how soon the wheels stop after an e-stop, and after setpoints or heartbeats are lost."""
     from omniwheel.bringup import check_stops
 
     _checked(wanted, yes, check_stops)
@@ -175,13 +178,19 @@ def estop(
 def output_enable(
     robot_file: RobotFileOption = None,
     duty: Annotated[
-        float, typer.Option("--duty", min=0.05, max=OUTPUT_ENABLE_LARGEST_DUTY, help="Duty of the motors meanwhile.")
+        float,
+        typer.Option(
+            "--duty",
+            min=0.05,
+            max=OUTPUT_ENABLE_LARGEST_DUTY,
+            help="Duty cycle of the motors during the check, 0 to 1.",
+        ),
     ] = OUTPUT_ENABLE_DUTY,
     yes: YesOption = False,
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, check that the output-enable pin alone stops the wheels, and so does its pull-up."""
+    """On a stand, check that the output-enable pin stops the wheels, and that its pull-up does so too."""
     from omniwheel.bringup import check_output_enable
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -199,7 +208,7 @@ def stop_button(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """On a stand, check that the stop button, which you press when asked, stops the wheels until a release."""
+    """On a stand, check that the stop button stops the wheels until a release. You press it when prompted."""
     from omniwheel.bringup import check_stop_button
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -213,7 +222,7 @@ def gyro(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Check the gyro's bias at rest, then its sign and scale: you turn the robot by hand when asked. No motor turns."""
+    """Check the gyro's bias at rest, its sign and scale. You turn the robot by hand when prompted; no motor turns."""
     from omniwheel.bringup import check_gyro
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -227,7 +236,7 @@ def flow(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Check direction and scale of the floor-motion sensor: you push the robot by hand when asked. No motor turns."""
+    """Check the floor odometry sensor's direction and scale. You push the robot by hand; no motor turns."""
     from omniwheel.bringup import check_flow
 
     file = None if robot_file is None else read_robot(robot_file)
@@ -255,11 +264,16 @@ def radio_command(
     duration: Annotated[float, measure_option(1.0)] = 10.0,
     baud: BaudOption = RADIO_BAUD,
     loss: Annotated[
-        float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the messages that may get lost.")
+        float, typer.Option("--loss", min=0.0, max=1.0, help="Largest fraction of lost messages that passes, 0 to 1.")
     ] = RADIO_LOSS_LIMIT,
     round_trip: Annotated[
         float,
-        typer.Option("--round-trip", min=0.001, metavar="S", help="Time within which 95 % of the answers must come."),
+        typer.Option(
+            "--round-trip",
+            min=0.001,
+            metavar="S",
+            help="Largest 95th percentile of the round-trip time that passes \\[s].",
+        ),
     ] = RADIO_ROUND_TRIP_LIMIT_S,
     watch: Annotated[
         bool, typer.Option("--watch", help="Print a line every 2 s until Ctrl-C, while you walk away with the robot.")
@@ -267,7 +281,7 @@ def radio_command(
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Measure losses and round trips of the radio, with 30 % of its bytes at most. Connect over the radio."""
+    """Measure packet loss and round-trip time of the radio --link, with 30 % of its bandwidth at most."""
     from omniwheel.bringup import check_radio
 
     with wanted.open() as robot:
@@ -307,7 +321,7 @@ def all_command(
     robot_file: RobotFileOption = None,
     radio: RadioOption = None,
     baud: BaudOption = RADIO_BAUD,
-    keep_going: Annotated[bool, typer.Option("--keep-going", help="Go on after a check that fails.")] = False,
+    keep_going: Annotated[bool, typer.Option("--keep-going", help="Continue after a check that fails.")] = False,
     folder: Annotated[
         Path,
         page_option("DIR", exists=True, file_okay=False),

@@ -20,7 +20,7 @@ _YES, _NO = ("y", "yes"), ("n", "no")
 
 
 class NoAnswerError(OmniError):
-    """Nobody is at the terminal."""
+    """No operator at the terminal."""
 
 
 class TerminalPerson:
@@ -33,20 +33,20 @@ class TerminalPerson:
         self._robots = robots
         self._hint = "run it in a terminal, or add --yes" if may_be_assumed else "run it in a terminal"
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Print a line."""
         error_console.print(f"[bold cyan]→[/] {escape(text)}", soft_wrap=True)
 
     def confirm(self, question: str) -> bool:
         """Ask yes or no; anything but yes is no."""
-        return self._ask(question, "y/N").lower() in _YES
+        return self._prompt(question, "y/N").lower() in _YES
 
     def saw(self, question: str) -> bool | None:
         """Ask yes, no or don't know."""
-        answer = self._ask(question, "y/n, Enter: don't know").lower()
+        answer = self._prompt(question, "y/n, Enter: unknown").lower()
         return True if answer in _YES else False if answer in _NO else None
 
-    def _ask(self, question: str, choices: str) -> str:
+    def _prompt(self, question: str, choices: str) -> str:
         error_console.print(f"[bold yellow]?[/] {escape(question)} [dim]({choices})[/] ", end="", soft_wrap=True)
         while not _line_waits():
             for robot in self._robots:
@@ -54,7 +54,7 @@ class TerminalPerson:
         line = sys.stdin.readline()
         if not line:
             error_console.print()
-            raise NoAnswerError("nobody answers on standard input", hint=self._hint)
+            raise NoAnswerError("standard input was closed before the question was answered", hint=self._hint)
         return line.strip()
 
 

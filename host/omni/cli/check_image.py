@@ -50,17 +50,19 @@ def check_image(
             "--robot",
             "-r",
             metavar="NAME|FILE",
-            help="The robot file that it was built for.",
+            help="Robot file that the image was built for.",
             autocompletion=completion.robots,
         ),
     ] = "three_wheel",
-    depth: Annotated[Depth, typer.Option("--depth", help="How much is tried. short: as before an upload.")] = Depth.ci,
+    depth: Annotated[
+        Depth, typer.Option("--depth", help="How many checks run. short: those before an upload; nightly: all.")
+    ] = Depth.ci,
     only: Annotated[
         list[str] | None,
         typer.Option("--only", metavar="CHECK", help="Run only this check; --list names them. Repeatable."),
     ] = None,
     seed: OwnSeedOption = 1,
-    workers: Annotated[int, typer.Option("--workers", min=1, help="Checks that run at the same time.")] = 2,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="Checks to run in parallel.")] = 2,
     page_file: Annotated[Path | None, page_option("FILE.md")] = None,
     list_wanted: ListOption = False,
     json_wanted: JsonOption = False,
@@ -79,12 +81,14 @@ def check_image(
         console.print(table)
         return
     if image is None:
-        raise typer.BadParameter("which image? `make firmware` links .pio/build/three_wheel/firmware.elf")
+        raise typer.BadParameter(
+            "the image is missing: give an .elf or .hex file; `make firmware` links .pio/build/three_wheel/firmware.elf"
+        )
     if page_file is not None:
         redrawn_path(page_file, "--out", PAGE_BEGINS.encode())
     try:
         outcomes = run_checks(
-            image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=say_outcome
+            image, robot, depth=depth.value, seed=seed, only=only or (), workers=workers, done=print_outcome
         )
     except OmniError:  # it brings its hint, whether or not it is a ValueError as well
         raise
@@ -109,7 +113,7 @@ def _write(path: Path | None, page: Callable[[], str]) -> None:
         files.write_text(path, page())
 
 
-def say_outcome(outcome: Outcome) -> None:
+def print_outcome(outcome: Outcome) -> None:
     """Print a line about a check that is over."""
     mark = "[green]✓[/]" if outcome.passed else "[red]✗[/]"
     text = "; ".join(outcome.figures) if outcome.passed else outcome.failure

@@ -11,7 +11,7 @@ from typing import Any
 
 import typer
 
-from omni.cli.completion import take_words_as_they_are
+from omni.cli.completion import complete_words_unquoted
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ def load(entry: Entry) -> Any:
     else:
         parent.add_typer(module.app, name=entry.name)
     parent.callback()(lambda: None)  # or a single command would take the group's place
-    return take_words_as_they_are(fill_lines(typer.main.get_group(parent).commands[entry.name]))
+    return complete_words_unquoted(fill_lines(typer.main.get_group(parent).commands[entry.name]))
 
 
 def fill_lines(command: Any) -> Any:
@@ -59,36 +59,36 @@ TABLE = (
     Entry("stop", DRIVE, "Emergency stop, and its release", "stop", "stop"),
     Entry("monitor", DRIVE, "Show state, pose, wheels and faults", "monitor", "monitor"),
     Entry("mocap", DRIVE, "Send motion-capture poses to a robot, or record them", "mocap"),
-    Entry("link", DRIVE, "Let several programs use one port at once", "link", "link"),
+    Entry("link", DRIVE, "Share one port between several programs", "link", "link"),
     Entry("radio", DRIVE, "Protect the radio with a key", "radio"),
     Entry("host-control", DRIVE, "Drive the original four-wheel robot from this computer", "host_control"),
     Entry("studio", TUNE, "See, drive and tune a robot in the browser", "studio", "studio"),
     Entry("params", TUNE, "Read, set, save and compare parameters", "params"),
-    Entry("tune", TUNE, "Try other gains, compare, keep them or go back", "tune", "tune"),
-    Entry("autotune", TUNE, "Measure the robot and choose its gains from that", "autotune", "autotune"),
-    Entry("experiment", TUNE, "Measure how well a control loop follows", "experiment"),
-    Entry("identify", TUNE, "Find a robot's parameters from how it moves", "identify"),
-    Entry("demo", SIMULATE, "See a simulated robot drive with its real firmware", "demo", "demo"),
-    Entry("sitl", SIMULATE, "Run the firmware and a world here, in real time", "sitl", "sitl"),
+    Entry("tune", TUNE, "Compare other gains with the present ones, keep or revert", "tune", "tune"),
+    Entry("autotune", TUNE, "Choose gains automatically from measurements", "autotune", "autotune"),
+    Entry("experiment", TUNE, "Measure a control loop's step or frequency response", "experiment"),
+    Entry("identify", TUNE, "Identify a robot's parameters from its motion", "identify"),
+    Entry("demo", SIMULATE, "Drive a rose in simulation with the real firmware", "demo", "demo"),
+    Entry("sitl", SIMULATE, "Run firmware and simulated world in real time", "sitl", "sitl"),
     Entry("emulate", SIMULATE, "Run the firmware on an emulated Cortex-M7 or Teensy", "emulate", "emulate"),
     Entry("hil", SIMULATE, "Run a scenario with the real firmware, in simulated time", "hil", "hil"),
-    Entry("sim", SIMULATE, "Run a scenario without the firmware, fast", "sim", "sim"),
-    Entry("montecarlo", STUDY, "Run a scenario with very many seeds", "montecarlo", "montecarlo"),
+    Entry("sim", SIMULATE, "Run a scenario with the control core only", "sim", "sim"),
+    Entry("montecarlo", STUDY, "Run a scenario with many random seeds", "montecarlo", "montecarlo"),
     Entry("sweep", STUDY, "Run a scenario at many settings", "sweep", "sweep"),
-    Entry("optimize", STUDY, "Search good parameters, check them on other seeds", "optimize", "optimize"),
-    Entry("study", STUDY, "Test a tool on very many random robots", "study"),
-    Entry("soak", STUDY, "Drive for hours on an emulated Cortex-M7", "soak", "soak"),
-    Entry("bench", STUDY, "Measure how fast the simulations are here", "bench", "bench"),
+    Entry("optimize", STUDY, "Optimise parameters, validate them on other seeds", "optimize", "optimize"),
+    Entry("study", STUDY, "Test a tool on many random robots", "study"),
+    Entry("soak", STUDY, "Soak-test the firmware on an emulated Cortex-M7", "soak", "soak"),
+    Entry("bench", STUDY, "Benchmark the simulations on this computer", "bench", "bench"),
     Entry("robots", BUILD, "Write, check, show and wire robot files", "robots"),
     Entry("flash", BUILD, "Build the firmware, check it and upload it", "flash", "flash"),
     Entry("check-image", BUILD, "Run a firmware image on an emulated Teensy", "check_image", "check_image"),
     Entry("bringup", BUILD, "Check a new robot step by step", "bringup"),
     Entry("doctor", BUILD, "Check the installation and list serial ports", "doctor", "doctor"),
     Entry("record", RECORD, "Record every message of a link", "record", "record"),
-    Entry("replay", RECORD, "Feed a log through the robot's own estimator", "replay", "replay_command"),
-    Entry("logs", RECORD, "Import, look at and align logs of any robot", "logs"),
-    Entry("plot", RECORD, "Draw a finished run, or any telemetry log", "plot", "plot"),
+    Entry("replay", RECORD, "Replay a log through the robot's estimator", "replay", "replay_command"),
+    Entry("logs", RECORD, "Import, show and align logs of any robot", "logs"),
+    Entry("plot", RECORD, "Plot a finished run or a telemetry log", "plot", "plot"),
     Entry("runs", RECORD, "List, compare, name and delete runs", "runs"),
-    Entry("reproduce", RECORD, "Repeat the research report's experiments", "reproduce", "reproduce"),
+    Entry("reproduce", RECORD, "Reproduce the research report's experiments", "reproduce", "reproduce"),
 )
 """In the order of ``omni --help``."""

@@ -22,7 +22,7 @@ import typer
 from omni.cli import completion
 from omniwheel.default_system import default_system
 from omniwheel.errors import CommandRefusedError, LinkUrlError, OmniError, VersionMismatchError
-from omniwheel.plain import finite, typed_number
+from omniwheel.number_text import finite, parse_number
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -40,7 +40,7 @@ FAILED = 1
 INTERRUPTED = 130
 JSON_WANTED = "omniwheel.json"
 _WHERE_ROBOTS_ARE = (
-    "give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760. No robot at hand? `omni sitl` simulates one"
+    "give --link URL or set OMNI_LINK, e.g. --link tcp:127.0.0.1:5760. Without a robot: `omni sitl` simulates one"
 )
 _HEAD_BYTES = 64
 _PICTURES: Mapping[str, tuple[bytes, ...]] = {
@@ -50,7 +50,7 @@ _PICTURES: Mapping[str, tuple[bytes, ...]] = {
 }
 """How pictures begin, by the ending of their names."""
 WARNING_SEVERITY = 4
-"""MAVLink's severities: this one and lower numbers want somebody's attention."""
+"""MAVLink's severities: this one and lower numbers are shown as warnings."""
 
 
 @cache
@@ -61,7 +61,7 @@ def _console(*, stderr: bool) -> Console:
 
 
 def __getattr__(name: str) -> Any:
-    """Make ``console`` and ``error_console`` when somebody asks for them: the Tab key needs none, and rich is slow."""
+    """Make ``console`` and ``error_console`` on first use: completion needs none, and importing rich is slow."""
     if name not in ("console", "error_console"):
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return _console(stderr=name == "error_console")
@@ -86,9 +86,12 @@ LinkOption = Annotated[
         autocompletion=completion.ports,
     ),
 ]
-TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="How long to wait for answers.")]
+TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S", help="Timeout for each reply.")]
 WhyOption = Annotated[
-    str, typer.Option("--why", metavar="TEXT", help="Why, for `omni params history`.", show_default=False)
+    str,
+    typer.Option(
+        "--why", metavar="TEXT", help="Comment on the change, shown by `omni params history`.", show_default=False
+    ),
 ]
 JsonOption = Annotated[
     bool, typer.Option("--json", callback=_note_json, help="Print one JSON object on standard output and nothing else.")
@@ -134,15 +137,15 @@ def open_robot(
     """Connect to the robot that the options name; warn if its parameters are another version's.
 
     With ``texts``, every status text of the robot appears on standard error as it comes. Changes of parameters go into
-    the robot's history, unless the caller makes a recorder of its own (:func:`keep_history`).
+    the robot's history, unless the caller makes a recorder of its own (:func:`record_history`).
     """
     from omniwheel.limits import DEFAULT_TIMEOUT_S
     from omniwheel.robot import connect
 
     timeout_s = DEFAULT_TIMEOUT_S if timeout_s is None else timeout_s
     robot = connect(link_url(link), timeout_s=timeout_s, recorder=recorder, system_id=default_system())
-    say_if_shared(robot)
-    _say_if_others_come(robot)
+    note_if_shared(robot)
+    _note_later_sharing(robot)
     if texts:
         robot.connection.add_listener(_show_text)
     try:
@@ -152,11 +155,11 @@ def open_robot(
     except BaseException:
         robot.close()
         raise
-    keep_history(robot)
+    record_history(robot)
     return robot
 
 
-def keep_history(robot: Robot, why: str = "") -> ChangeRecorder:
+def record_history(robot: Robot, why: str = "") -> ChangeRecorder:
     """Write every change of the robot's parameters into its history from now on, with ``why``."""
     from omniwheel.history import ChangeRecorder, history_of
 
@@ -166,7 +169,7 @@ def keep_history(robot: Robot, why: str = "") -> ChangeRecorder:
     return ChangeRecorder(robot, history_of(robot), shlex.join(["omni", *sys.argv[1:]]), why, warn)
 
 
-def say_if_shared(robot: Robot) -> None:
+def note_if_shared(robot: Robot) -> None:
     """Say that the robot's port is shared with other programs, if it is."""
     notice = getattr(robot.connection.link, "notice", "")
     if notice:
@@ -175,12 +178,14 @@ def say_if_shared(robot: Robot) -> None:
         _console(stderr=True).print(f"[dim]{escape(notice)}[/]", soft_wrap=True)
 
 
-def _say_if_others_come(robot: Robot) -> None:
+def _note_later_sharing(robot: Robot) -> None:
     """Say when another robot is heard on the line, unless one was chosen."""
 
     def say(number: int) -> None:
         mine = robot.connection.target_system
-        _warn(f"another robot, system id {number}, is on this line; this command is to {mine} (--system chooses)")
+        _warn(
+            f"another robot, system id {number}, is on this link; this command is sent to {mine} (choose with --system)"
+        )
 
     if default_system() is None:
         robot.connection.on_other_robot = say
@@ -267,6 +272,6 @@ def parse_assignments(words: list[str]) -> dict[str, float | str]:
 
 def _number_or_word(text: str) -> float | str:
     try:
-        return typed_number(text)
+        return parse_number(text)
     except ValueError:
         return text.lower()

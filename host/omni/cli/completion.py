@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, get_args
 
 import typer
 
+from omniwheel.number_text import is_number_text
 from omniwheel.paths import params_path, presets_dir, robots_dir
-from omniwheel.plain import is_typed_number
 
 if TYPE_CHECKING:
     from omni_schema import ParameterTable
@@ -84,7 +84,7 @@ experiments = _offered(_experiments)
 ports = _offered(_ports)
 
 
-def take_words_as_they_are(command: Any) -> Any:
+def complete_words_unquoted(command: Any) -> Any:
     """Return a command, or a group, whose options and arguments stay words while the Tab key is answered.
 
     Otherwise typer would make a number or a path of each with pydantic, which takes longer than all the rest.
@@ -95,14 +95,14 @@ def take_words_as_they_are(command: Any) -> Any:
         found = parameters_of(ctx)
         for parameter in found:
             if ctx.resilient_parsing:
-                _keep_words(parameter)
+                _complete_unquoted(parameter)
             elif _is_number(_type_of(parameter)):
                 _check_number(parameter)
         return found
 
     command.get_params = get_params
     for name in getattr(command, "commands", ()):
-        take_words_as_they_are(command.commands[name])
+        complete_words_unquoted(command.commands[name])
     return command
 
 
@@ -120,7 +120,7 @@ def _is_number(annotation: Any) -> bool:
 
 
 def _check_number(parameter: Any) -> None:
-    """Refuse what is no number, also what parsers take for one and nobody types: 2_8, 1e_3, digits of other scripts."""
+    """Reject words that are not numbers, also those that Python parses: 2_8, 1e_3, digits of other scripts."""
     if getattr(parameter, "omni_checked", False):
         return
     parameter.omni_checked = True
@@ -128,15 +128,15 @@ def _check_number(parameter: Any) -> None:
 
     def checked(ctx: Any, value: Any) -> Any:
         for word in value if isinstance(value, (list, tuple)) else (value,):
-            if not isinstance(word, str) or is_typed_number(word):
+            if not isinstance(word, str) or is_number_text(word):
                 continue
-            if word.lower().lstrip("+-") != "nan" or parameter.param_type_name == "option":  # set-points say which
+            if word.lower().lstrip("+-") != "nan" or parameter.param_type_name == "option":  # setpoints say which
                 raise typer.BadParameter(f"{word!r} is not a number", ctx=ctx, param=parameter)
         return convert(ctx, value)
 
     parameter.process_value = checked
 
 
-def _keep_words(parameter: Any) -> None:
+def _complete_unquoted(parameter: Any) -> None:
     convert = parameter.process_value
     parameter.process_value = lambda ctx, value: value if ctx.resilient_parsing else convert(ctx, value)

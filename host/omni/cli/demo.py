@@ -54,19 +54,19 @@ class Shown:
 FAST = Shown(
     "fast",
     (("fast_no_fixes", "no pose fixes"), ("fast_no_slip", "no slip")),
-    "no pose fixes: the same world on dead reckoning alone; no slip: the same without slip",
+    "no pose fixes: dead reckoning alone; no slip: dead reckoning on a floor without slip",
 )
 SLOW = Shown(
     "demo",
     (("original_law", "original law"), ("original_law_fixes", "original law, fixes"), ("no_slip", "no slip")),
-    "original law: the same world under the robot's first firmware, on dead reckoning; original law, fixes: that law "
+    "original law: the first firmware's controller, on dead reckoning; original law, fixes: that law "
     "with our pose filter and its fixes; no slip: our law on dead reckoning alone",
 )
 
 
 def demo(
     slow: Annotated[
-        bool, typer.Option("--slow", help="The report's slow robot: three_wheel, 0.15 m/s, scenario demo.")
+        bool, typer.Option("--slow", help="Drive the slow robot three_wheel at 0.15 m/s in scenario demo.")
     ] = False,
     seed: SeedOption = None,
     robot: RobotOption = None,
@@ -76,7 +76,7 @@ def demo(
     out: OutOption = DEFAULT_OUT,
     compare: Annotated[
         bool,
-        typer.Option("--compare/--no-compare", help="Also run the same path in other ways."),
+        typer.Option("--compare/--no-compare", help="Also drive the path in other configurations."),
     ] = True,
     emulated: EmulatedOption = False,
     image: ImageOption = None,
@@ -97,7 +97,10 @@ def demo(
     shown = SLOW if slow else FAST
     scenario = scenario_of(shown.scenario, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings)
     with run_folder(out, scenario) as folder:
-        note("The real firmware drives an eight-petal rose on a floor where its wheels slip.", quiet=json_wanted)
+        note(
+            "Drive an eight-petal rose with the real firmware on a simulated floor where the wheels slip.",
+            quiet=json_wanted,
+        )
         with run_progress("firmware in the loop", json_wanted) as progress:
             run, trouble = tried(
                 partial(run_hil, scenario, out_dir=folder, progress=progress, emulated=emulated, image=image)

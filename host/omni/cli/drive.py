@@ -68,7 +68,7 @@ DurationOption = Annotated[
 ]
 SpeedOption = Annotated[float, typer.Option("--speed", min=0.01, help="How fast to drive \\[m/s].")]
 LapsOption = Annotated[
-    float | None, typer.Option("--laps", min=0.0, help="How many laps, instead of TRJ_LAPS; 0: endless.")
+    float | None, typer.Option("--laps", min=0.0, help="Number of laps, instead of TRJ_LAPS; 0: endless.")
 ]
 TurnOption = Annotated[float, typer.Option("--turn", min=0.01, help="Turn rate of the keys q and e \\[rad/s].")]
 
@@ -111,7 +111,7 @@ def _armed(wanted: DriveOptions, asked: str, check: Callable[[Robot], object] = 
 
 
 def _drive_in_slices(robot: Robot, duration_s: float, ask: Callable[[], None], quiet: bool) -> None:
-    """Repeat a set-point until ``duration_s`` has passed, checking in between that the robot still drives."""
+    """Repeat a setpoint until ``duration_s`` has passed, checking in between that the robot still drives."""
     start = robot.connection.clock()
     with Waiting("driving", duration_s, quiet=quiet) as waiting:
         while (left := start + duration_s - robot.connection.clock()) > 0.0:
@@ -152,7 +152,7 @@ def velocity(
     *,
     wanted: DriveOptions,
 ) -> None:
-    """Drive with a constant velocity for a while.
+    """Drive with a constant velocity for --duration seconds.
 
     A velocity that the robot cannot follow is refused before it arms; exit code 2.
     """
@@ -193,12 +193,12 @@ def _angle(text: str) -> float:
     except ValueError:
         value = None
     if match is None or value is None:
-        raise SetpointError(f"theta is {text!r}; an angle is needed", hint="radians, or degrees like 90deg")
+        raise SetpointError(f"theta is {text!r}; must be an angle", hint="give radians, or degrees like 90deg")
     if match.group(2) not in ("deg", "°"):
         return value
     if abs(value) > _TURN_DEG:
-        hint = f"the same heading: {math.remainder(value, _TURN_DEG):g}deg"
-        raise SetpointError(f"theta = {value:g}° is more than a turn", hint=hint)
+        hint = f"equal to {math.remainder(value, _TURN_DEG):g}deg"
+        raise SetpointError(f"theta is {value:g}°; must be within ±360°", hint=hint)
     return math.radians(value)
 
 
@@ -217,13 +217,13 @@ def pose(
             min=0.0,
             metavar="S",
             show_default=False,
-            help="Give up after this time. Default: 1.5 times what the way should take.",
+            help="Timeout. Default: 1.5 × estimated travel time.",
         ),
     ] = None,
     *,
     wanted: DriveOptions,
 ) -> None:
-    """Drive to a world pose; ends early once the robot is there.
+    """Drive to a world pose; ends when the robot has reached it.
 
     Exit code 1: not there in time. Exit code 2: a pose that the robot cannot reach, or not in this time.
     """
@@ -286,7 +286,7 @@ def path(
         typer.Option(
             "--heading",
             show_default=False,
-            help="Heading to keep all the way \\[rad], or 90deg. Default: the path's direction.",
+            help="Heading along the whole path \\[rad], or 90deg. Default: the path's direction.",
         ),
     ] = None,
     duration: Annotated[float, stop_after_option(0.0, "no limit")] = math.inf,
@@ -328,13 +328,15 @@ def _to_the_end(wanted: DriveOptions, follow: Callable[..., object]) -> str:
 def duty(
     duties: Annotated[
         list[float],
-        typer.Argument(metavar="DUTY...", help="A duty of -1..1 for each wheel; + turns the body counter-clockwise."),
+        typer.Argument(
+            metavar="DUTY...", help="Duty cycle of each wheel, -1 to 1; + turns the body counter-clockwise."
+        ),
     ],
     duration: DurationOption = 1.0,
     *,
     wanted: DriveOptions,
 ) -> None:
-    """Put constant duties on the motors, open loop, for a while: bring-up and identification. Lift the wheels first."""
+    """Drive the motors open loop with constant duty cycles, for bring-up and identification. Lift the wheels first."""
     from omniwheel.setpoints import check_duty
 
     check_duty(duties)

@@ -51,13 +51,14 @@ def emulate(
     storage: StorageOption = None,
     world: Annotated[
         bool,
-        typer.Option("--with-world/--no-world", help="Simulate robot and floor around it; else wheels stand still."),
+        typer.Option("--with-world/--no-world", help="Simulate robot and floor; without, the wheels stand still."),
     ] = True,
     lockstep: Annotated[
         bool,
         typer.Option(
             "--lockstep",
-            help="Tick only when a host sends sensors; time stands still meanwhile. Needs --no-world or --image.",
+            help="Tick only when a host sends sensor values; the simulated time stops in between. Needs --no-world "
+            "or --image.",
         ),
     ] = False,
     image: ImageOption = None,
@@ -76,9 +77,9 @@ def emulate(
     from hil_sim.sitl import start_sitl
 
     if lockstep and world and image is None:
-        raise typer.BadParameter("--lockstep needs --no-world: the world drives the ticks itself")
+        raise typer.BadParameter("--lockstep needs --no-world: the simulated world clocks the ticks")
     if commands and (image is not None or not world):
-        raise typer.BadParameter("--commands are for the simulated world around QEMU: not with --image or --no-world")
+        raise typer.BadParameter("--commands needs the simulated world around QEMU: leave out --image and --no-world")
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
     try:
@@ -126,7 +127,7 @@ def _image(
         world_robot=world_robot,
         seed=scenario.seed,
     ) as firmware:
-        what = scenario.description if world else "No world: its wheels stand still"
+        what = scenario.description if world else "Without a world: the wheels stand still"
         announce(firmware.urls, scenario.robot.name, what, json_wanted)
         _wait_for_end(firmware)
 
@@ -137,5 +138,5 @@ def _bare(
     from omniwheel.emulated_firmware import EmulatedFirmware
 
     with EmulatedFirmware(links=links, lockstep=lockstep, storage=storage, parameters=values) as firmware:
-        announce(firmware.urls, name, "No world: its wheels stand still", json_wanted)
+        announce(firmware.urls, name, "Without a world: the wheels stand still", json_wanted)
         _wait_for_end(firmware)

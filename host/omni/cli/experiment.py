@@ -33,7 +33,8 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
 
 app = typer.Typer(
-    help="Measure how well a control loop follows, and compare with the model. The robot moves: leave it room, and "
+    help="Measure a control loop's step or frequency response and compare it with the model. The robot moves: leave "
+    "it room, and "
     "stand by to stop it. It is disarmed at the end, on Ctrl-C and on any error.",
     no_args_is_help=True,
 )
@@ -51,14 +52,14 @@ class _Wanted:
     json_wanted: JsonOption = False
 
 
-WheelOption = Annotated[int, typer.Option("--wheel", min=0, max=4, help="Which wheel, from 1; 0: all of them alike.")]
+WheelOption = Annotated[int, typer.Option("--wheel", min=0, max=4, help="Wheel number, from 1; 0: all wheels.")]
 SpeedOption = Annotated[
     float | None,
     typer.Option(
         "--wheel-speed",
         min=0.001,
         metavar="RAD/S",
-        help="Speed of all wheels meanwhile, so that none reverses.",
+        help="Mean speed of all wheels, so that none reverses.",
         show_default=False,
     ),
 ]
@@ -71,9 +72,7 @@ AmplitudeOption = Annotated[
         show_default=False,
     ),
 ]
-TimeOption = Annotated[
-    float, typer.Option("--time", min=0.05, max=120.0, metavar="S", help="How long the signal lasts.")
-]
+TimeOption = Annotated[float, typer.Option("--time", min=0.05, max=120.0, metavar="S", help="Duration of the signal.")]
 HighestOption = Annotated[
     float | None,
     typer.Option(
@@ -97,10 +96,10 @@ def wheel_step(
     *,
     wanted: _Wanted,
 ) -> None:
-    """Step the wanted speed of the wheels while they turn: rise time, overshoot, settling, noise.
+    """Step the speed setpoint of the wheels while they turn: rise time, overshoot, settling, noise.
 
-    The step is made on the robot, so nothing ramps it. Speed and amplitude are chosen from the robot's limits where
-    you leave them out.
+    The step is made on the robot, so nothing ramps it. Defaults of speed and amplitude follow from the robot's
+    limits.
     """
     from omniwheel.experiments import WheelPlan
     from omniwheel.experiments import wheel_step as run
@@ -126,9 +125,9 @@ def wheel_chirp(
     *,
     wanted: _Wanted,
 ) -> None:
-    """Sweep the wanted speed of the wheels: bandwidth, margins, delay and coherence of their loops.
+    """Sweep the speed setpoint of the wheels: bandwidth, margins, delay and coherence of their loops.
 
-    Beside each number stands what the model predicts from the robot's parameters.
+    Each number is shown beside the model's prediction from the robot's parameters.
     """
     from omniwheel.experiments import LOWEST_HZ, WheelPlan
     from omniwheel.experiments import wheel_chirp as run
@@ -144,9 +143,9 @@ def wheel_chirp(
 def position_step(
     axis: AxisOption = Axis.X, amplitude: AmplitudeOption = None, time_s: TimeOption = 1.0, *, wanted: _Wanted
 ) -> None:
-    """Step the wanted pose while the robot holds its place, without limits on the way: rise time, overshoot, settling.
+    """Step the pose setpoint while the robot holds its pose, without velocity limits: rise time, overshoot, settling.
 
-    Where you leave the size out, it is one at which the sliding mode is still linear.
+    The default amplitude keeps the sliding mode in its linear range.
     """
     from omniwheel.experiments import PositionPlan
     from omniwheel.experiments import position_step as run
@@ -165,9 +164,9 @@ def position_sweep(
     *,
     wanted: _Wanted,
 ) -> None:
-    """Sweep the wanted pose: bandwidth, margins and coherence of the position loop.
+    """Sweep the pose setpoint: bandwidth, margins and coherence of the position loop.
 
-    Beside each number stands what the model predicts from the robot's parameters.
+    Each number is shown beside the model's prediction from the robot's parameters.
     """
     from omniwheel.experiments import PositionPlan
     from omniwheel.experiments import position_sweep as run
@@ -183,7 +182,7 @@ def position_sweep(
 def disturbance(
     wheel: WheelOption = 1, amplitude: AmplitudeOption = None, time_s: TimeOption = 0.1, *, wanted: _Wanted
 ) -> None:
-    """Push one wheel by a voltage while the robot holds its place: how far it gives way, and how it comes back."""
+    """Add a voltage to one wheel while the robot holds its pose: largest deviation, and recovery."""
     from omniwheel.experiments import PushPlan
     from omniwheel.experiments import disturbance as run
 

@@ -55,7 +55,7 @@ def flash(
             "--robot",
             "-r",
             metavar="NAME|FILE",
-            help="Whose wiring and values are built in. \\[three_wheel]",
+            help="Robot file whose wiring and parameters are built in. \\[three_wheel]",
             autocompletion=completion.robots,
         ),
     ] = None,
@@ -64,13 +64,17 @@ def flash(
     ] = None,
     blank: Annotated[
         bool,
-        typer.Option("--blank", help="A board without a serial port, or after an upload cut short: press its button."),
+        typer.Option(
+            "--blank", help="For a board without a serial port, or after an interrupted upload: press its button."
+        ),
     ] = False,
     build_only: Annotated[bool, typer.Option("--build-only", help="Build and check, do not upload.")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Do everything but the upload; needs no board.")] = False,
-    skip_check: Annotated[bool, typer.Option("--skip-check", help="Upload without running the image first.")] = False,
+    skip_check: Annotated[
+        bool, typer.Option("--skip-check", help="Upload without checking the image on the emulated Teensy first.")
+    ] = False,
     new_wiring: Annotated[
-        bool, typer.Option("--new-wiring", help="Upload it though the board's firmware knows another wiring.")
+        bool, typer.Option("--new-wiring", help="Upload even if the board's present firmware has another wiring.")
     ] = False,
     sha256: Annotated[str, typer.Option(metavar="DIGEST", help="Upload FILE.hex only if this is its SHA-256.")] = "",
     json_wanted: JsonOption = False,
@@ -85,9 +89,9 @@ def flash(
     from omniwheel.flashing.wiring import require_same_wiring
 
     if file is not None and (robot or build_only):
-        raise typer.BadParameter("a FILE.hex is uploaded as it is: --robot and --build-only are for building")
+        raise typer.BadParameter("--robot and --build-only apply only to building; a FILE.hex is uploaded unchanged")
     if file is None and sha256:
-        raise typer.BadParameter("--sha256 is for a FILE.hex")
+        raise typer.BadParameter("--sha256 needs a FILE.hex")
     uploads = not build_only and not dry_run
     released = _from_file(file, sha256) if file is not None else None  # before the board: a wrong name needs none
     board = choose_board(port, blank=blank) if uploads else None
@@ -114,7 +118,7 @@ def _say(json_wanted: bool, value: dict[str, Any], words: str) -> None:
 def _from_file(file: Path, sha256: str) -> Program:
     image = read_hex(file)
     if sha256 and image.sha256 != sha256.lower():
-        raise HexFileError(f"{file} has the SHA-256 {image.sha256}, not {sha256}", hint="get the file again")
+        raise HexFileError(f"{file} has the SHA-256 {image.sha256}, not {sha256}", hint="download the file again")
     return Program(image, str(file), "")
 
 
@@ -147,7 +151,7 @@ def _dry_run(program: Program, port: str | None, blank: bool, *, new_wiring: boo
     note(escape(f"would run: {shlex.join(command)}"))
     if loader is None:
         note(f"{PROGRAM} is not installed here; {HOW_TO_GET_IT}")
-    note(escape(f"for {board}" if board else f"an upload would be refused now: {problem}"))
+    note(escape(f"for {board}" if board else f"an upload would be refused: {problem}"))
     note("dry run: nothing was uploaded")
     return {
         "file": str(program.image.path),
@@ -177,7 +181,7 @@ def _upload(program: Program, board: Board, loader: str) -> Flashed:
             write_bytes(checked, program.image.content)
             run_loader(loader, checked)
     except KeyboardInterrupt:
-        note(f"the upload was cut short: {CUT_SHORT}")
+        note(f"the upload was interrupted: {CUT_SHORT}")
         raise
-    note("uploaded; waiting for the board")
+    note("uploaded; waiting for the board to restart")
     return wait_for_firmware(board, program.git_hash, began_s=began_s, left=left)

@@ -13,7 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from omni.cli.command_table import TABLE, Entry, load
 from omni.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, note, print_json
-from omni.cli.completion import take_words_as_they_are
+from omni.cli.completion import complete_words_unquoted
 from omni.cli.front_page import print_front_page
 from omniwheel.build_record import load_record
 from omniwheel.errors import OmniError
@@ -35,7 +35,7 @@ class OmniGroup(TyperGroup):
 
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
-        take_words_as_they_are(self)
+        complete_words_unquoted(self)
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names in the order of the table."""
@@ -81,7 +81,7 @@ class OmniGroup(TyperGroup):
             raise _reported(ctx, error, error.hint, BAD_INPUT) from error
         except MissingFileError as error:
             raise _reported(ctx, error, "", FAILED) from error
-        except OSError as error:  # a disk that fails where nobody expects it, also the one behind standard output
+        except OSError as error:  # unexpected disk errors, also of standard output
             raise _system_error(ctx, error) from error
         except (ImportError, AttributeError) as error:
             said = stale_build(error)

@@ -75,7 +75,7 @@ def hil(
         print_scenarios(json_wanted)
         return
     if sum((emulated, image is not None, link is not None)) > 1:
-        raise typer.BadParameter("--emulated and --image start a firmware of their own: give one of them, or --link")
+        raise typer.BadParameter("--emulated, --image and --link exclude each other: give one")
     scenario = scenario_of(
         scenario_name, robot=robot, seed=seed, plant=plant, preset=preset, settings=settings, duration=duration
     )

@@ -56,25 +56,34 @@ RobotOption = Annotated[
         "--robot", "-r", metavar="NAME|FILE", help="Geometry, motors and gains.", autocompletion=completion.robots
     ),
 ]
-SimulateOption = Annotated[bool, typer.Option("--simulate", help="Robot and cameras are simulated; no hardware.")]
+SimulateOption = Annotated[bool, typer.Option("--simulate", help="Simulate robot and cameras; no hardware.")]
 PortOption = Annotated[str | None, XBEE]
 SourceOption = Annotated[str | None, typer.Option("--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT.")]
 ParamOption = Annotated[list[str] | None, ASSIGNMENTS]
 PwmMinOption = Annotated[
-    int, typer.Option("--pwm-min", help="PWM below which the wheels do not turn. The controller makes up for it.")
+    int,
+    typer.Option("--pwm-min", help="PWM below which the wheels do not turn, 0 to 255; the controller compensates it."),
 ]
 FullSpeedOption = Annotated[
     float | None, typer.Option("--full-speed", help="Wheel speed at PWM 255 \\[rad/s]. \\[default: the robot file's]")
 ]
-DelayOption = Annotated[float, typer.Option("--delay", help="Time from sending PWM until the wheels follow \\[s].")]
+DelayOption = Annotated[
+    float, typer.Option("--delay", help="Delay from sending a PWM value to the wheels' response \\[s].")
+]
 DurationOption = Annotated[float, stop_after_option(0.1)]
 PlotOption = Annotated[Path | None, PLOT]
 StartOption = Annotated[
     tuple[float, float, float],
-    typer.Option("--start", help="Where the simulated robot stands: x, y \\[m], theta \\[rad]."),
+    typer.Option("--start", help="Start pose of the simulated robot: x, y \\[m], theta \\[rad]."),
 ]
-DeadBandOption = Annotated[
-    float, typer.Option("--dead-band", min=0.0, max=250.0, help="PWM up to which the simulated wheels do not turn.")
+DeadbandOption = Annotated[
+    float,
+    typer.Option(
+        "--deadband",
+        min=0.0,
+        max=250.0,
+        help="Deadband of the simulated motors: PWM up to which they do not turn, 0 to 250.",
+    ),
 ]
 
 
@@ -94,7 +103,7 @@ class _Wanted:
     full_speed: FullSpeedOption = None
     delay: DelayOption = HOST_CONTROL_DELAY_S
     plot: PlotOption = None
-    dead_band: DeadBandOption = 0.0
+    deadband: DeadbandOption = 0.0
     seed: OwnSeedOption = 1
     as_json: JsonOption = False
 
@@ -120,12 +129,13 @@ def pose(
     y: Annotated[float, typer.Argument(help="World y \\[m].")],
     theta: Annotated[float, typer.Argument(help="World theta \\[rad], counter-clockwise.")],
     tolerance: Annotated[
-        float, typer.Option("--tolerance", min=0.0, help="End once this close for a second \\[m]; 0: hold the pose.")
+        float,
+        typer.Option("--tolerance", min=0.0, help="End when within this distance for 1 s \\[m]; 0: hold the pose."),
     ] = 0.01,
     *,
     wanted: _Wanted,
 ) -> None:
-    """Go to a world pose and stay there. Exit code 1: not there in time."""
+    """Drive to a world pose and hold it. Exit code 1: not reached in time."""
     from omniwheel.host_control.loop import Goal
 
     run = _run(wanted, Goal(Pose(x, y, theta), tolerance), {})
@@ -165,16 +175,16 @@ def trajectory(
 )
 def motor(
     number: Annotated[
-        int, typer.Argument(min=1, max=HOST_CONTROL_MOTORS, help="Which motor: its place in pwm1,pwm2,pwm3,pwm4*.")
+        int, typer.Argument(min=1, max=HOST_CONTROL_MOTORS, help="Motor number: its position in pwm1,pwm2,pwm3,pwm4*.")
     ],
     pwm: Annotated[int, typer.Argument(min=-HOST_CONTROL_FULL_PWM, max=HOST_CONTROL_FULL_PWM, help="PWM.")],
     port: Annotated[str, XBEE],
     baud: BaudOption = RADIO_BAUD,
     duration: Annotated[
-        float, typer.Option("--duration", "-d", "--for", min=0.1, max=60.0, metavar="S", help="How long.")
+        float, typer.Option("--duration", "-d", "--for", min=0.1, max=60.0, metavar="S", help="Duration of the run.")
     ] = 1.0,
 ) -> None:
-    """Turn one motor, to check its place, direction and smallest PWM. Put the robot on blocks first."""
+    """Turn one motor, to check its wiring, direction and smallest PWM. Put the robot on blocks first."""
     from omniwheel.host_control.controller import PERIOD_S
     from omniwheel.host_control.pwm_line import MOTORS, PwmRadio
 
@@ -204,7 +214,7 @@ def _run(wanted: _Wanted, goal: Goal, changes: dict[str, float | str]) -> HostCo
         redrawn_path(wanted.plot, "--plot")
     for name, place in (("--start", wanted.start), ("the pose", goal.pose or ())):
         if not all(map(math.isfinite, place)):
-            raise SetpointError(f"{name} is {', '.join(map(str, place))}; finite numbers are needed")
+            raise SetpointError(f"{name} is {', '.join(map(str, place))}; all numbers must be finite")
     robot = read_robot(wanted.robot)
     values = host_control_values(robot, {**changes, **parse_assignments(wanted.param or [])})
     controller = HostController(robot, values, wanted.settings)
@@ -234,12 +244,15 @@ def _hardware(wanted: _Wanted, robot: Robot, truth: list[Any]) -> Iterator[tuple
         yield _simulation(wanted, robot, truth)
         return
     if not wanted.port:
-        raise LinkUrlError("which radio? --link is missing", hint="e.g. --link /dev/ttyUSB0; --simulate needs none")
+        raise LinkUrlError(
+            "--link is missing: it names the radio's serial port",
+            hint="e.g. --link /dev/ttyUSB0; --simulate needs none",
+        )
     kind = (wanted.source or "").partition(":")[0]
     if kind != "vicon":
-        what = f"--source {wanted.source} does not see the robot" if wanted.source else "--source is missing"
+        what = f"--source {wanted.source} gives no poses of the robot" if wanted.source else "--source is missing"
         hint = "--source vicon:HOST/OBJECT or natnet:HOST/OBJECT, or --simulate"
-        raise MocapSourceError(f"{what}: a real robot needs real poses", hint=hint)
+        raise MocapSourceError(f"{what}: a real robot needs a motion-capture source", hint=hint)
     with signals_interrupt():
         source = open_source(str(wanted.source))
         try:
@@ -270,7 +283,7 @@ def _simulation(wanted: _Wanted, robot: Robot, truth: list[Any]) -> tuple[MocapS
         start_pose=Pose(*wanted.start),
         seed=wanted.seed,
         baud=wanted.baud,
-        dead_band_pwm=wanted.dead_band,
+        deadband_pwm=wanted.deadband,
     )
 
     def watch(_time_s: float, run: HostControlRun) -> None:
@@ -328,6 +341,6 @@ def _show(
     console.print(table)
     console.print(
         f"radio: {radio.lines} lines, {radio.lines / seconds:.1f} per s, {radio.bytes / seconds:.0f} B/s; "
-        f"{radio.unchanged} unchanged ones skipped, {radio.held_back} held back for lack of room"
+        f"{radio.unchanged} unchanged ones skipped, {radio.held_back} held back: the radio's buffer was full"
     )
     console.print(f"poses: {run.fixes} used, {run.refused} refused, {run.pauses} pauses; {run.late} late steps")

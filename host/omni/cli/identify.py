@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from omniwheel.identification.pipeline import Identification
 
 app = typer.Typer(
-    help="Find a robot's parameters from how it moves, and write them into a robot file.", no_args_is_help=True
+    help="Identify a robot's parameters from its motion and write them into a robot file.", no_args_is_help=True
 )
 
 app.command("geometry", epilog=identify_geometry.EXAMPLES)(identify_geometry.identify_geometry)
@@ -47,12 +47,15 @@ app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 RobotOption = Annotated[
     str,
     typer.Option(
-        "--robot", "-r", metavar="NAME|FILE", help="Robot or file with the same layout; the new file is a copy of it."
+        "--robot",
+        "-r",
+        metavar="NAME|FILE",
+        help="Robot or robot file with this wheel layout, copied into the new file.",
     ),
 ]
 MassOption = Annotated[
     float | None,
-    typer.Option("--mass", metavar="KG", help="Weighed mass. Default: the robot file's.", show_default=False),
+    typer.Option("--mass", metavar="KG", help="Measured mass. Default: the robot file's.", show_default=False),
 ]
 ResistanceOption = Annotated[
     float | None,
@@ -74,21 +77,20 @@ ConstantOption = Annotated[
 ]
 StandOption = Annotated[
     Path | None,
-    typer.Option(
-        "--stand", metavar="LOG", help="Log of voltage steps with the wheels off the floor.", show_default=False
-    ),
+    typer.Option("--stand", metavar="LOG", help="Log of voltage steps with the wheels lifted.", show_default=False),
 ]
 ValidateOption = Annotated[
     list[Path] | None,
     typer.Option(
         "--validate",
         metavar="LOG",
-        help="A log that is only predicted, to check the result; repeatable.",
+        help="Validation log, not used in the fit; repeatable.",
         show_default=False,
     ),
 ]
 PartDurationOption = Annotated[
-    float, typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Time of each of the four parts.")
+    float,
+    typer.Option("--duration", "-d", min=4.0, max=600.0, metavar="S", help="Duration of each of the four segments."),
 ]
 
 
@@ -114,7 +116,7 @@ def telemetry(
 ) -> None:
     """Identify from telemetry logs: those of `omni identify live --log`, or others with OMNI_SAMPLE at 50 Hz.
 
-    Of a log in which the robot restarted it takes the longest part; --part chooses another one, of a single LOG.
+    Of a log with restarts the longest part is used; --part chooses another, with a single LOG.
     """
     from omniwheel.identification.pipeline import identify_robot
 
@@ -144,10 +146,11 @@ def live(
     link: LinkOption = None,
     duration: PartDurationOption = EXCITATION_S,
     on_stand: Annotated[
-        bool, typer.Option("--on-stand", help="Wheels off the floor: step the motors and only write the --log.")
+        bool, typer.Option("--on-stand", help="With lifted wheels: step the motors and only write the --log.")
     ] = False,
     log: Annotated[
-        Path | None, typer.Option("--log", metavar="OUT.tlog", help="Keep the telemetry.", show_default=False)
+        Path | None,
+        typer.Option("--log", metavar="OUT.tlog", help="Telemetry log to write (.tlog).", show_default=False),
     ] = None,
     stand: StandOption = None,
     mass: MassOption = None,
@@ -199,14 +202,16 @@ def live(
     epilog=examples("omni identify simulate --seed 3 --name found", "omni identify simulate four_wheel --json"),
 )
 def simulate(
-    robot: Annotated[str, typer.Argument(metavar="ROBOT", help="Robot or file to vary.")] = "three_wheel",
+    robot: Annotated[
+        str, typer.Argument(metavar="ROBOT", help="Robot or robot file whose parameters are varied.")
+    ] = "three_wheel",
     seed: OwnSeedOption = 1,
     duration: PartDurationOption = EXCITATION_S,
     name: NameOption = "identified",
     folder: RobotFolderOption = Path(),
     as_json: JsonOption = False,
 ) -> None:
-    """Try it without a robot: identify a simulated one with random parameters, and compare with the truth."""
+    """Identify a simulated robot with random parameters and compare with their true values."""
     from hil_sim.known_robot import SimulatedRobot
     from omniwheel.identification import excitation
     from omniwheel.identification.model import layout_of
@@ -264,15 +269,15 @@ def _finish_stand(motors: MotorSteps, as_json: bool) -> None:
         values = {
             name: {"value": estimate[name], "half_width_95": estimate.half_width(name)} for name in estimate.names
         }
-        print_json({"parameters": values, "dead_bands": [vars(band) for band in motors.dead_bands]})
+        print_json({"parameters": values, "deadbands": [vars(band) for band in motors.deadbands]})
         return
     for name in estimate.names:
         console.print(f"{escape(name)} {estimate[name]:.5g} ± {estimate.half_width(name):.2g}")
-    _print_dead_bands(motors)
+    _print_deadbands(motors)
 
 
-def _print_dead_bands(motors: MotorSteps) -> None:
-    for band in motors.dead_bands:
+def _print_deadbands(motors: MotorSteps) -> None:
+    for band in motors.deadbands:
         way = "forwards" if band.direction > 0 else "backwards"
         console.print(
             f"wheel {band.wheel + 1} {way}: stands still up to {band.still_V:.2f} V, turns from {band.moving_V:.2f} V"
@@ -294,7 +299,7 @@ def _finish(
         return
     console.print(_table(found, truth))
     if found.motors is not None:
-        _print_dead_bands(found.motors)
+        _print_deadbands(found.motors)
     shown = found.diagnostics
     console.print(f"{100 * shown.fit:.2f} % of the speeds explained, residual {1e3 * shown.rmse_rad_s:.1f} mrad/s")
     if found.validation == found.validation:
@@ -346,7 +351,7 @@ def _as_dict(found: Identification, path: Path, truth: dict[str, float] | None) 
     return {
         "file": str(path),
         "parameters": parameters,
-        "dead_bands": [vars(band) for band in (found.motors.dead_bands if found.motors is not None else ())],
+        "deadbands": [vars(band) for band in (found.motors.deadbands if found.motors is not None else ())],
         "diagnostics": found.diagnostics.as_dict(),
         "validation": found.validation,
         "remarks": list(found.remarks),

@@ -50,7 +50,7 @@ def identify_geometry(
         LeaveOut | None,
         typer.Option(
             "--leave-out",
-            help="Which logs are left out together. Default: those of a folder; if there is one folder, each log.",
+            help="Cross-validation groups. Default: one per folder; with a single folder, one per log.",
             show_default=False,
         ),
     ] = None,
@@ -97,7 +97,7 @@ def _draw(study: GeometryStudy, path: Path, *, as_json: bool) -> bool:
     from omniwheel.identification.pose_fit.picture import draw_study
 
     if not study.held_out:
-        note("no picture: no run was left out; give two or more runs", quiet=as_json)
+        note("no plot: cross-validation needs two or more runs", quiet=as_json)
         return False
     draw_study(study, path)
     return True

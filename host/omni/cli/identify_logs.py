@@ -27,24 +27,27 @@ PAGE_FILE, PICTURE_FILE = "identification.md", "identification.png"
 
 
 def identify_logs(
-    logs: Annotated[list[Path], typer.Argument(metavar="LOG.npz...", help="Imported logs with truth and heading.")],
+    logs: Annotated[
+        list[Path], typer.Argument(metavar="LOG.npz...", help="Imported logs with ground truth and heading.")
+    ],
     robot: RobotOption,
     out: RobotFileOption = None,
     turn: Annotated[
         list[Path] | None,
-        typer.Option("--turn", metavar="LOG.npz", help="A log that only turns; needs a heading, no truth."),
+        typer.Option("--turn", metavar="LOG.npz", help="Log of turning on the spot; needs a heading, no ground truth."),
     ] = None,
     lifted: Annotated[
-        list[Path] | None, typer.Option("--lifted", metavar="LOG.npz", help="A log with the wheels in the air.")
+        list[Path] | None, typer.Option("--lifted", metavar="LOG.npz", help="Log with lifted wheels.")
     ] = None,
     page: Annotated[
         Path | None,
-        typer.Option("--page", metavar="DIR", help="Where the page about it goes. \\[default: beside --out]"),
+        typer.Option("--page", metavar="DIR", help="Folder of the report. \\[default: beside --out]"),
     ] = None,
     leave_one_out: Annotated[
         bool,
         typer.Option(
-            "--leave-one-out", help="Only say how well the others predict each run; needs no --out, writes nothing."
+            "--leave-one-out",
+            help="Only cross-validate: predict each run from the others. Writes nothing, needs no --out.",
         ),
     ] = False,
     as_json: JsonOption = False,
@@ -52,7 +55,7 @@ def identify_logs(
     """Identify effective radius per wheel and direction, wheel distance and motor curves from logs of other robots.
 
     Every run is also dead-reckoned with what the other runs say: that is the figure to trust. Writes the robot file,
-    its calibration beside it, and a page that says what can be trusted.
+    its calibration beside it, and a report that rates the results.
     """
     from omniwheel.identification.log_page import study_data, study_page
     from omniwheel.identification.log_plot import draw_study
@@ -61,13 +64,13 @@ def identify_logs(
     from omniwheel.logs.log import load_log
 
     if leave_one_out and (out is not None or page is not None):
-        raise typer.BadParameter("--leave-one-out writes nothing: leave --out and --page away, or it")
+        raise typer.BadParameter("--leave-one-out writes nothing: leave out --out and --page, or --leave-one-out")
     folder = page if page is not None else (out or Path()).parent
     if not leave_one_out:
         if out is None:
             raise typer.BadParameter("give --out ROBOT.toml, or --leave-one-out to write nothing")
         if not folder.is_dir():
-            raise typer.BadParameter(f"{folder}: the page needs a folder that exists")
+            raise typer.BadParameter(f"{folder}: this folder does not exist; the report needs an existing one")
         writable_path(out, "the robot file")
     nominal = read_robot(robot)
     runs = [load_log(path) for path in logs]

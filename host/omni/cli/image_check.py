@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from omni.cli.check_image import say_outcome
+from omni.cli.check_image import print_outcome
 from omniwheel.errors import FlashError, MissingPackageError
 
 
@@ -17,7 +17,7 @@ def check_image(image: Path, robot: str, *, depth: str, without: str = "") -> st
     from image_check.run import outcome_page, run_checks
 
     try:
-        outcomes = run_checks(image, robot, depth=depth, done=say_outcome)
+        outcomes = run_checks(image, robot, depth=depth, done=print_outcome)
     except MissingPackageError as error:
         hint = "; ".join(filter(None, (error.hint, without)))
         raise FlashError(f"the image cannot be checked: {error}", hint=hint) from error

@@ -39,7 +39,7 @@ def link(
         typer.Option(
             "--listen",
             metavar="URL",
-            help="tcp:HOST:PORT, udp:HOST:PORT, or udpout:HOST:PORT, which speaks first; repeatable. "
+            help="tcp:HOST:PORT, udp:HOST:PORT, or udpout:HOST:PORT, which sends first; repeatable. "
             f"\\[default: {' and '.join(HUB_LISTEN)}]",
         ),
     ] = None,
@@ -49,7 +49,7 @@ def link(
             "--budget",
             min=20.0,
             metavar="BYTES/S",
-            help="At most so much to the robot. \\[default: half of a radio's line]",
+            help="Maximum bytes/s to the robot. \\[default: half of a radio's rate]",
             show_default=False,
         ),
     ] = None,
@@ -60,7 +60,7 @@ def link(
     Only programs on this computer reach it, unless --listen says otherwise. Anybody who does can drive the robot.
     """
     from omni.hub.addresses import is_local, listen_address, radio_budget
-    from omni.hub.diary import Diary
+    from omni.hub.log_writer import LogWriter
     from omni.hub.server import HAND_OVER_WITHIN_S, HubServer
     from omniwheel.signing import Signer
 
@@ -68,12 +68,13 @@ def link(
     for text in addresses:
         if not is_local(listen_address(text)):
             error_console.print(
-                f"[yellow]warning:[/] whoever reaches {escape(text)} can drive the robot, without a signing key"
+                f"[yellow]warning:[/] every program that can connect to {escape(text)} can drive the robot; set a "
+                "signing key to prevent that"
             )
     key = default_key()
     signer = None if key is None else Signer(key)
     limit = None if budget is None else radio_budget(budget)
-    url, diary = link_url(link), Diary()
+    url, log = link_url(link), LogWriter()
     try:
         hub = HubServer(url, addresses, budget=limit, signer=signer, system_id=default_system())
         with signals_interrupt(), hub as server:
@@ -82,11 +83,11 @@ def link(
             while True:
                 server.serve()
                 while server.hub.events:
-                    diary.say(server.hub.events.popleft())
+                    log.write(server.hub.events.popleft())
     except KeyboardInterrupt:
         return
     finally:
-        diary.close()
+        log.close()
 
 
 def _announce(server: HubServer, url: str, as_json: bool) -> None:
@@ -94,4 +95,4 @@ def _announce(server: HubServer, url: str, as_json: bool) -> None:
         print_json({"ready": True, "port": url, "listen": server.urls}, one_line=True)
     else:
         console.print(f"{escape(url)} is served at [bold]{'[/] and [bold]'.join(map(escape, server.urls))}[/]")
-        console.print(f"Other omni commands find it by --link {escape(url)}. Ctrl-C ends it.")
+        console.print(f"Connect other omni commands with --link {escape(url)}. Ctrl-C ends it.")

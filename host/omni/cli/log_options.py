@@ -24,7 +24,7 @@ MappingOption = Annotated[Path | None, MAPPING]
 TRUTH = typer.Option(
     "--truth",
     metavar="FILE",
-    help="Ground truth of the run; for several logs once per log, in the same order.",
+    help="Ground truth of the run; with several logs one per log, in their order.",
     show_default=False,
 )
 TruthOption = Annotated[Path | None, TRUTH]
@@ -32,7 +32,9 @@ TruthsOption = Annotated[list[Path] | None, TRUTH]
 RobotFileOption = Annotated[Path | None, typer.Option("--out", metavar="ROBOT.toml", help="The robot file to write.")]
 PartOption = Annotated[
     int | None,
-    typer.Option("--part", min=1, metavar="N", help="Part of a telemetry log with restarts in it.", show_default=False),
+    typer.Option(
+        "--part", min=1, metavar="N", help="Part of a telemetry log that has restarts, from 1.", show_default=False
+    ),
 ]
 CalibrationOption = Annotated[
     Path | None,
@@ -75,5 +77,5 @@ MOST_JUMPS = 5
 def jumps_of_truth(log: WheelLog) -> list[str]:
     """Say where the robot's own estimate, which is a log's truth, jumps; nothing if it does not."""
     jumps = () if log.truth is None else log.truth.jumps
-    said = [f"at {jump.time_s:.2f} s {jump.text}: it goes on from where it was" for jump in jumps[:MOST_JUMPS]]
-    return [*said, f"it jumped {len(jumps)} times in all"] if len(jumps) > MOST_JUMPS else said
+    said = [f"at {jump.time_s:.2f} s {jump.text}: the jump is taken out" for jump in jumps[:MOST_JUMPS]]
+    return [*said, f"{len(jumps)} jumps in total"] if len(jumps) > MOST_JUMPS else said

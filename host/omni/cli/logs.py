@@ -30,7 +30,7 @@ from omniwheel.logs.mapping import read_mapping
 if TYPE_CHECKING:
     from omniwheel.logs.log import WheelLog
 
-app = typer.Typer(help="Import, look at and align logs of any robot.", no_args_is_help=True)
+app = typer.Typer(help="Import, show and align logs of any robot.", no_args_is_help=True)
 
 _MAPPING = "--mapping omni_reproduce/real_three_wheel/mapping.toml"
 
@@ -47,7 +47,7 @@ def import_command(
     """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
     from omniwheel.logs.importer import import_log
     from omniwheel.logs.log import save_log
-    from omniwheel.logs.spikes import OUTLIER_SD, doubt_about_counts
+    from omniwheel.logs.spikes import OUTLIER_SD, count_noise_warning
 
     if out.suffix != ".npz":
         raise typer.BadParameter(f"{out}: an imported log's name ends in .npz")
@@ -76,28 +76,30 @@ def import_command(
             f"outliers kept, as counts add up: {outliers} (more than {OUTLIER_SD:g} robust standard deviations from "
             "their neighbours). If the encoder misreads, reject them: threshold under \\[spikes] in the mapping"
         )
-    doubt = doubt_about_counts(imported, summary.noise_counts, summary.noise_correlation)
+    doubt = count_noise_warning(imported, summary.noise_counts, summary.noise_correlation)
     if doubt:
         console.print(f"[yellow]{escape(doubt)}[/]")
     for stretch in summary.frozen:
         console.print(
             f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s: "
-            "what it says there is not measured"
+            "its values there are not measurements"
         )
     for time in summary.counter_restarts_s:
         console.print(
-            f"[yellow]the wheels' counters restarted at {time:.2f} s:[/] they are counted on from zero, and what the "
-            "wheels turned until then since the row before is lost"
+            f"[yellow]the wheels' counters restarted at {time:.2f} s:[/] counting continues from zero; the "
+            "rotation since the previous row is lost"
         )
     for time in summary.heading_restarts_s:
-        console.print(f"[yellow]the heading sensor restarted at {time:.2f} s:[/] what it turned until then is lost")
+        console.print(
+            f"[yellow]the heading sensor restarted at {time:.2f} s:[/] the rotation since the previous row is lost"
+        )
 
 
 @app.command("show", epilog=examples("omni logs show run1.npz"))
 def show(
     log: Annotated[Path, typer.Argument(metavar="LOG.npz", help="An imported log.")], as_json: JsonOption = False
 ) -> None:
-    """Show what an imported log holds."""
+    """Show the contents of an imported log."""
     from omniwheel.logs.log import load_log
 
     facts = _facts(load_log(log))
@@ -149,8 +151,8 @@ def align_command(
         f"within 5 %)\n"
         f"rotation {np.degrees(found.rotation_rad):+.1f}°, {'mirrored' if found.mirrored else 'not mirrored'}, "
         f"shift ({found.shift[0]:+.3f}, {found.shift[1]:+.3f}) m\n"
-        f"left: {1e3 * found.rms_m:.1f} mm RMS; {100.0 * found.overlap:.0f} % of the path lie within the truth's time\n"
-        f"the path times {found.scale:.3f} would fit best (not applied)"
+        f"left: {1e3 * found.rms_m:.1f} mm RMS; {100.0 * found.overlap:.0f} % of the path overlaps the truth in time\n"
+        f"the best scale of the path would be {found.scale:.3f} (not applied)"
     )
 
 

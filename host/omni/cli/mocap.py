@@ -60,18 +60,22 @@ DurationOption = Annotated[
 def bridge(
     source: SourceOption,
     message: Annotated[
-        str, typer.Option("--as", metavar="KIND", help=f"Message to send: {' or '.join(MOCAP_MESSAGES)}.")
+        str, typer.Option("--as", metavar="KIND", help=f"MAVLink message to send: {' or '.join(MOCAP_MESSAGES)}.")
     ] = MOCAP_MESSAGES[0],
-    rate: Annotated[float, typer.Option("--rate", help="Most fixes per second.")] = MOCAP_RATE_HZ,
+    rate: Annotated[float, typer.Option("--rate", help="Maximum fixes per second.")] = MOCAP_RATE_HZ,
     budget: Annotated[
-        float, typer.Option("--budget", help="Bytes per second the bridge may send; the default is half of 9600 baud.")
+        float, typer.Option("--budget", help="Maximum bytes/s of the bridge. Default: half of 9600 baud.")
     ] = MOCAP_BUDGET_BYTES_S,
     max_age: Annotated[
-        float, typer.Option("--max-age", help="Poses older than this are not sent \\[s].")
+        float, typer.Option("--max-age", help="Maximum age of a pose; older ones are dropped \\[s].")
     ] = MOCAP_MAX_AGE_S,
     latency: Annotated[
         float,
-        typer.Option("--older-by", metavar="S", help="How much older poses are than they say; see omni mocap latency."),
+        typer.Option(
+            "--older-by",
+            metavar="S",
+            help="Unreported latency of the source, subtracted from its time stamps; see omni mocap latency.",
+        ),
     ] = 0.0,
     duration: DurationOption = math.inf,
     seed: OwnSeedOption = 1,
@@ -79,9 +83,9 @@ def bridge(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Send poses to a robot as pose fixes, with the time of the robot's clock, within the radio's budget.
+    """Send poses to a robot as pose fixes, time-stamped by the robot's clock, within the radio's bandwidth.
 
-    Exit code 1: not one pose was used.
+    Exit code 1: the robot used no pose.
     """
     from omniwheel.mocap.bridge import Bridge, BridgeSettings
     from omniwheel.mocap.streams import open_source
@@ -111,7 +115,7 @@ def bridge(
     else:
         console.print(_line(statistics))
     if statistics.in_vain:
-        note("not one pose was used" if statistics.received else "not one pose came", quiet=as_json)
+        note("the robot used no pose" if statistics.received else "no pose was received", quiet=as_json)
         raise typer.Exit(1)
 
 
@@ -141,7 +145,7 @@ def _line(s: BridgeCounts) -> str:
     latency = "–" if math.isnan(s.latency_mean_s) else f"{1e3 * s.latency_mean_s:.0f} ms"
     return (
         f"{s.received} poses, {s.sent} sent ({rate:.1f}/s, {load:.0f} B/s), {s.overtaken} overtaken, {s.stale} stale, "
-        f"{s.refused} refused{used}; latency {latency}; robot's clock {s.offset_s:+.3f} s "
+        f"{s.refused} rejected{used}; latency {latency}; robot's clock {s.offset_s:+.3f} s "
         f"± {1e3 * s.offset_error_s:.0f} ms, round trip {1e3 * s.round_trip_s:.0f} ms"
     )
 

@@ -57,18 +57,24 @@ EXAMPLES = {
 
 def markers(
     out: Annotated[Path, typer.Argument(metavar="DIR", help="Folder for the sheets and the first camera file.")],
-    family: Annotated[str, typer.Option("--family", help=f"Kind of tags: {', '.join(TAG_FAMILIES)}.")] = next(
+    family: Annotated[str, typer.Option("--family", help=f"Tag family: {', '.join(TAG_FAMILIES)}.")] = next(
         iter(TAG_FAMILIES)
     ),
-    floor: Annotated[int, typer.Option("--floor", min=1, max=20, metavar="N", help="How many tags for the floor.")] = 4,
+    floor: Annotated[int, typer.Option("--floor", min=1, max=20, metavar="N", help="Number of floor tags.")] = 4,
     floor_size: Annotated[
-        float, typer.Option("--floor-size", min=0.02, max=0.16, metavar="M", help="Black side of the floor's tags.")
+        float,
+        typer.Option(
+            "--floor-size", min=0.02, max=0.16, metavar="M", help="Side length of a floor tag's black square."
+        ),
     ] = 0.15,
     robot_size: Annotated[
-        float, typer.Option("--robot-size", min=0.02, max=0.16, metavar="M", help="Black side of the robot's tag.")
+        float,
+        typer.Option(
+            "--robot-size", min=0.02, max=0.16, metavar="M", help="Side length of the robot tag's black square."
+        ),
     ] = 0.12,
-    paper: Annotated[Paper, typer.Option("--paper", help="Size of the paper.")] = Paper.A4,
-    kind: Annotated[Kind, typer.Option("--sheets", help="Kind of file for the sheets.")] = Kind.PDF,
+    paper: Annotated[Paper, typer.Option("--paper", help="Paper size.")] = Paper.A4,
+    kind: Annotated[Kind, typer.Option("--sheets", help="File format of the sheets.")] = Kind.PDF,
     force: ForceOption = False,
 ) -> None:
     """Write sheets to print in true size: tags for floor and robot, the calibration board, and a camera file."""
@@ -76,12 +82,12 @@ def markers(
     from omniwheel.mocap.camera.sheets import sheets, template, write_sheet
 
     if family not in TAG_FAMILIES:
-        raise typer.BadParameter(f"there is no family {family!r}; there are {', '.join(TAG_FAMILIES)}")
+        raise typer.BadParameter(f"unknown tag family {family!r}; must be one of {', '.join(TAG_FAMILIES)}")
     camera = out / "camera.toml"
     if camera.exists() and not force:
         raise typer.BadParameter(f"{camera} exists already; choose another folder or give --force")
     if out.exists() and not out.is_dir():
-        raise typer.BadParameter(f"{out} is no folder")
+        raise typer.BadParameter(f"{out} is not a folder")
     out.mkdir(parents=True, exist_ok=True)
     writable_path(camera, "write")
     numbers = list(range(1, floor + 1))
@@ -116,13 +122,14 @@ def calibrate(camera: CameraArgument, pictures: PicturesArgument = None, as_json
     lens = find_lens(collector.collected)
     if (lens.width, lens.height) != (setup.width, setup.height):
         what = f"the pictures have {lens.width} x {lens.height} pixels, the camera file {setup.width} x {setup.height}"
-        raise typer.BadParameter(f"{what}; take them with the size that the camera will stream")
+        raise typer.BadParameter(f"{what}; take pictures at the resolution of the camera's stream")
     save_lens(lens, setup.lens_path)
     if as_json:
         print_json({"file": str(setup.lens_path), "rms_px": lens.rms_px, "pictures": lens.pictures})
     else:
         console.print(
-            f"{setup.lens_path}: {lens.pictures} pictures, {lens.rms_px:.2f} px off in the mean (below 0.5 is good), "
+            f"{setup.lens_path}: {lens.pictures} pictures, {lens.rms_px:.2f} px RMS reprojection error (below 0.5 is "
+            "good), "
             f"focal length {lens.focal_px[0]:.0f} px"
         )
 
@@ -148,15 +155,16 @@ def place(camera: CameraArgument, pictures: PicturesArgument = None, as_json: Js
         f"{escape(str(watcher.setup.place_path))}: the camera is at x {x:.3f}, y {y:.3f}, {z:.3f} m above the floor"
     )
     for number, off in sorted(found.offsets_m.items()):
-        console.print(f"  floor tag {number}: {1e3 * off:.1f} mm from where the camera file says")
-    console.print(f"  one metre from them the floor is known to {1e3 * found.sd_m:.1f} mm (standard deviation)")
+        console.print(f"  floor tag {number}: {1e3 * off:.1f} mm from its place in the camera file")
+    console.print(f"  1 m from them, poses are accurate to {1e3 * found.sd_m:.1f} mm (standard deviation)")
 
 
 def look(
     camera: CameraArgument,
     pictures: PicturesArgument = None,
     count: Annotated[
-        int, typer.Option("--count", min=1, metavar="N", help="End after so many pictures.", show_default=False)
+        int,
+        typer.Option("--count", min=1, metavar="N", help="Number of pictures after which to end.", show_default=False),
     ] = 10**9,
     as_json: JsonOption = False,
 ) -> None:
@@ -239,7 +247,7 @@ def _need_still(found: dict[int, list[Array]]) -> None:
 
     for number, corners in found.items():
         if max(np.abs(each - corners[0]).max() for each in corners) > MOVED_PX:
-            hint = "fix the camera; give pictures of one place of it only"
+            hint = "mount the camera rigidly; give pictures of one camera position only"
             raise CameraError(f"floor tag {number} moves from picture to picture", hint=hint)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni mocap latency``: how much older poses are than they say, measured with the robot itself."""
+"""``omni mocap latency``: the latency of a pose source that its time stamps do not report, measured with the robot."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ EXAMPLES = {
     )
 }
 CAMERA = "camera:"
-TOO_LATE = f"that is too late: the mocap bridge sends no poses older than {MOCAP_MAX_AGE_S:g} s. Make the stream faster"
+TOO_LATE = f"too old: the mocap bridge drops poses older than {MOCAP_MAX_AGE_S:g} s. Reduce the source's latency"
 WORST_SCALE = 0.1
-"""What poses and wheels may disagree on a turn. Slip takes some of that."""
+"""Largest relative difference of a turn's angle by poses and by wheels. Slip causes some of it."""
 
 
 def latency(
@@ -36,14 +36,14 @@ def latency(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Measure how much older poses are than they say, while you turn the robot to and fro. It is not armed by this."""
+    """Measure the source's unreported latency while you turn the robot to and fro by hand. The robot is not armed."""
     from omniwheel.hub.shared_link import open_shared
     from omniwheel.mocap.latency import observe, pose_latency
     from omniwheel.mocap.streams import open_source
     from omniwheel.robot import connect
 
     if source.startswith("recorded:") or source == "simulated":
-        raise typer.BadParameter(f"{source} does not see this robot now; give a vicon:, natnet: or camera: stream")
+        raise typer.BadParameter(f"{source} gives no poses of the robot; give a vicon:, natnet: or camera: stream")
     url = link_url(link)
     stream = open_source(source, seed=seed, timeout_s=timeout)
     try:
@@ -51,7 +51,7 @@ def latency(
         with connect(shared, timeout_s=timeout, heartbeat=False, system_id=default_system()) as robot:
             note(
                 "Turn the robot to the left and back on the floor, by a quarter turn, about once a second, but not "
-                f"evenly, for {duration:g} s. By hand will do.",
+                f"evenly, for {duration:g} s. Turning it by hand is fine.",
                 quiet=as_json,
             )
             headings = observe(stream, robot, duration, timeout)
@@ -70,17 +70,17 @@ def _lines(found: PoseLatency, source: str) -> list[str]:
     lines = [
         f"{found.poses} poses; the robot turned by {found.turned_rad:.1f} rad to and fro, and by its poses "
         f"{found.scale:.3f} times as far",
-        f"poses are {1e3 * found.latency_s:.1f} ms older than they say, ± {1e3 * found.limit_s:.1f} ms (95 %); "
+        f"the poses' unreported latency is {1e3 * found.latency_s:.1f} ms, ± {1e3 * found.limit_s:.1f} ms (95 %); "
         f"on top of that the robot's clock, ± {1e3 * found.clock_error_s:.0f} ms at most",
     ]
     if abs(found.scale - 1.0) > WORST_SCALE:
         lines.append("wheels and poses disagree by more than 10 %: identify the robot, or look at its wheels' slip")
     if abs(found.latency_s) <= found.limit_s + found.clock_error_s:
-        return [*lines, "that is nothing, as far as can be seen: nothing to set"]
+        return [*lines, "the latency is within its uncertainty: nothing to set"]
     if source.startswith(CAMERA):
         return [*lines, _for_camera(found.latency_s, Path(source[len(CAMERA) :]))]
     if found.latency_s < 0.0:
-        return [*lines, "the stream says that its poses are older than they are: look at its own settings"]
+        return [*lines, "the source's time stamps are too early: correct its own settings"]
     if found.latency_s >= MOCAP_MAX_AGE_S:
         return [*lines, TOO_LATE]
     return [*lines, f"give `omni mocap bridge` the option --older-by {found.latency_s:.4f}"]

@@ -47,7 +47,7 @@ _SHOWN_TEXTS = 4
 
 
 def monitor(
-    once: Annotated[bool, typer.Option("--once", help="Print one snapshot and end.")] = False,
+    once: Annotated[bool, typer.Option("--once", help="Print the state once and exit.")] = False,
     message: Annotated[
         list[str] | None,
         typer.Option(
@@ -61,7 +61,7 @@ def monitor(
     """Show state, pose, wheels, sensors and faults of a robot until Ctrl-C. --json implies --once."""
     from omni.cli.monitor_messages import known_names, show_messages
     from omniwheel.drive_log import is_slow
-    from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, told_of_sensors
+    from omniwheel.sensor_messages import RADIO_RATE_HZ, RATE_HZ, sensor_advice
 
     names = known_names(message or ())
     with open_robot(link, timeout_s=timeout, texts=False) as robot:
@@ -69,7 +69,7 @@ def monitor(
             show_messages(robot, names, once=once, as_json=as_json)
             return
         wheels = int(robot.parameters["WHEELS"])
-        with told_of_sensors(robot, RADIO_RATE_HZ if is_slow(robot.url) else RATE_HZ) as sensors:
+        with sensor_advice(robot, RADIO_RATE_HZ if is_slow(robot.url) else RATE_HZ) as sensors:
             if once or as_json:
                 status = _heard(robot, sensors, timeout)
                 if as_json:
@@ -88,7 +88,7 @@ def monitor(
 
 def _heard(robot: Robot, sensors: Sequence[Sensor], timeout_s: float) -> RobotStatus:
     """Return a status that has everything; of a sensor that the robot does not tell of in time, nothing."""
-    status = robot.wait_until(_is_filled, timeout_s, "heard completely (heartbeat, pose, wheels, status)")
+    status = robot.wait_until(_is_filled, timeout_s, "complete state (heartbeat, pose, wheels and status) of the robot")
     if len(status.sensors) < len(sensors):
         robot.connection.wait(lambda _: len(robot.status.sensors) >= len(sensors), timeout_s)
     return robot.status
@@ -203,8 +203,8 @@ def _loop_line(status: RobotStatus) -> str:
     return (
         f"[dim]control tick {loop.tick_us_mean:.1f} µs (longest {loop.tick_us_max:.1f}), missed: {loop.overruns}\n"
         f"motor driver's bus errors since the start: {loop.i2c_errors}\n"
-        f"bytes and frames not understood: {loop.rx_errors}\n"
-        f"telemetry messages left out for lack of room on the link: {loop.tx_dropped}[/]"
+        f"invalid bytes and frames received: {loop.rx_errors}\n"
+        f"telemetry messages dropped, as the link was full: {loop.tx_dropped}[/]"
     )
 
 

@@ -10,7 +10,7 @@ import typer
 
 from omni.cli.common import console, print_json
 from omniwheel.errors import CommandRefusedError
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from omniwheel.dialect import Message
@@ -27,7 +27,7 @@ def known_names(names: Sequence[str]) -> list[str]:
     known = {message.msgname for message in mavlink.mavlink_map.values()}
     for name in names:
         if name.upper() not in known:
-            raise typer.BadParameter(f"there is no message {name}{did_you_mean(name, known)}")
+            raise typer.BadParameter(f"unknown message {name}{did_you_mean(name, known)}")
     return [name.upper() for name in names]
 
 

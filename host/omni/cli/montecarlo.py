@@ -36,10 +36,10 @@ EXAMPLES = examples(
 @takes(StudyOptions, runs=1000, batch=DEFAULT_BATCH)
 def montecarlo(
     scenario_name: ScenarioArgument = "demo",
-    worst: Annotated[int, typer.Option("--worst", min=0, max=1000, help="How many of the worst runs to keep.")] = 5,
+    worst: Annotated[int, typer.Option("--worst", min=0, max=1000, help="Number of worst runs to keep.")] = 5,
     worst_by: Annotated[
         str,
-        typer.Option("--worst-by", metavar="FIGURE", help=f"Figure by which runs are the worst: {', '.join(FIGURES)}."),
+        typer.Option("--worst-by", metavar="FIGURE", help=f"Metric that ranks the runs: {', '.join(FIGURES)}."),
     ] = "position_m",
     *,
     wanted: StudyOptions,

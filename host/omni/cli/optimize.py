@@ -52,7 +52,7 @@ def optimize(
             "--minimise",
             "--minimize",
             metavar="FIGURE[.STATISTIC]",
-            help="What to make small: mean, sd, median, p95, ...",
+            help="Objective to minimise: a metric's mean, sd, median, p95, ...",
         ),
     ] = "position_m.mean",
     constraint: Annotated[
@@ -60,13 +60,15 @@ def optimize(
         typer.Option(
             "--constraint",
             metavar='"FIGURE.STATISTIC<=X"',
-            help="A bound in SI units and shares. Without one on completed, every run must be driven to its end.",
+            help="Constraint, in SI units and fractions. Without one on completed, every run must reach its end.",
             show_default=False,
         ),
     ] = None,
-    trials: Annotated[int, typer.Option("--trials", min=1, max=100_000, help="Parameter sets to try.")] = 100,
+    trials: Annotated[
+        int, typer.Option("--trials", min=1, max=100_000, help="Number of parameter sets to evaluate.")
+    ] = 100,
     sampler: Annotated[
-        str, typer.Option("--sampler", metavar="|".join(SAMPLERS), help="How the next set is chosen.")
+        str, typer.Option("--sampler", metavar="|".join(SAMPLERS), help="Sampler that chooses the next set.")
     ] = "tpe",
     *,
     wanted: StudyOptions,

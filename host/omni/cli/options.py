@@ -31,21 +31,21 @@ class Axis(str, enum.Enum):
     THETA = "theta"
 
 
-AxisOption = Annotated[Axis, typer.Option("--axis", help="Direction in the world.")]
+AxisOption = Annotated[Axis, typer.Option("--axis", help="Axis of the world frame.")]
 
 
 def seed_option(words: str) -> Any:
-    """Return the option of a seed. Its upper limit is checked, but not shown: nobody types a number of 19 digits."""
+    """Return the option of a seed. Its upper limit of 19 digits is checked, but not shown."""
     return typer.Option("--seed", min=0, metavar="N", callback=_possible_seed, help=words)
 
 
 def _possible_seed(seed: int | None) -> int | None:
     if seed is not None and seed > LARGEST_SEED:
-        raise typer.BadParameter(f"{seed} is too large: the largest seed is {LARGEST_SEED}")
+        raise typer.BadParameter(f"{seed} must be at most {LARGEST_SEED}")
     return seed
 
 
-OwnSeedOption = Annotated[int, seed_option("Seed of everything that is drawn at random.")]
+OwnSeedOption = Annotated[int, seed_option("Random seed.")]
 SourceOption = Annotated[
     str,
     typer.Option(
@@ -58,19 +58,19 @@ ListenPortOption = Annotated[
     int, typer.Option("--port", min=0, max=65535, help="TCP port to listen on; 0 picks a free one.")
 ]
 HostOption = Annotated[str, typer.Option("--host", help="Address to listen on.")]
-RobotFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where to write NAME.toml.")]
-ListOption = Annotated[bool, typer.Option("--list", help="List what there is, and do nothing else.")]
-OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Where the folder with the results is made.")]
+RobotFolderOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder for NAME.toml.")]
+ListOption = Annotated[bool, typer.Option("--list", help="List the choices and exit.")]
+OutOption = Annotated[Path, typer.Option("--out", metavar="DIR", help="Parent of the new results folder.")]
 DEFAULT_OUT = Path("runs")
 NameOption = Annotated[str, typer.Option("--name", metavar="NAME", help="Name of the new robot: NAME.toml.")]
 RoomOption = Annotated[
-    float, typer.Option("--room", min=0.1, max=20.0, metavar="M", help="Side of the square that the robot may use.")
+    float, typer.Option("--room", min=0.1, max=20.0, metavar="M", help="Side of the free square around the robot.")
 ]
-LiftedOption = Annotated[bool, typer.Option("--wheels-up", help="The wheels are in the air and carry nothing.")]
+LiftedOption = Annotated[bool, typer.Option("--wheels-up", help="The wheels are lifted and carry no load.")]
 KEEP = typer.Option(
-    "--keep/--revert", help="Keep the new values, or go back to the old ones. Without either, see above."
+    "--keep/--revert", help="Keep the new values, or restore the old ones. Default: as described above."
 )
-PLOT = typer.Option("--plot", metavar="FILE.png", help="Draw the result there.")
+PLOT = typer.Option("--plot", metavar="FILE.png", help="Save the plot to FILE.")
 XBEE = typer.Option(
     "--link",
     "-l",
@@ -90,7 +90,7 @@ RadioOption = Annotated[
     ),
 ]
 LossOption = Annotated[
-    float, typer.Option("--loss", min=0.0, max=1.0, help="Share of the radio's packets that get lost.")
+    float, typer.Option("--loss", min=0.0, max=1.0, help="Fraction of the radio's packets that are lost, 0 to 1.")
 ]
 ASSIGNMENTS = typer.Option(
     "--set",
@@ -102,7 +102,7 @@ ASSIGNMENTS = typer.Option(
 
 def page_option(metavar: str, **checks: Any) -> Any:
     """Return the option of where a page with results goes: a file or a folder, as ``metavar`` says."""
-    return typer.Option("--out", metavar=metavar, help="Where the page with the results goes.", **checks)
+    return typer.Option("--out", metavar=metavar, help="File for the report.", **checks)
 
 
 def simulated_time_option(least_s: float, most_s: float) -> Any:
@@ -118,7 +118,7 @@ def rounds_option(least: int) -> Any:
         min=least,
         max=100,
         metavar="N",
-        help="How often each set is tried. With 2 or more each figure gets a verdict.",
+        help="Rounds per set. With 2 or more each metric gets a significance verdict.",
     )
 
 
@@ -130,7 +130,7 @@ def stop_after_option(least_s: float, show_default: bool | str = True) -> Any:
         "--for",
         min=least_s,
         metavar="S",
-        help="Stop after this time at the latest.",
+        help="Time limit.",
         show_default=show_default,
     )
 
@@ -173,4 +173,4 @@ def takes(kind: type[Any], **defaults: Any) -> Callable[[Callable[..., None]], C
 
 def measure_option(least_s: float) -> Any:
     """Return the option of a command that measures for a while, at least ``least_s``."""
-    return typer.Option("--duration", "-d", "--for", min=least_s, metavar="S", help="How long to measure.")
+    return typer.Option("--duration", "-d", "--for", min=least_s, metavar="S", help="Duration of the measurement.")

@@ -20,14 +20,14 @@ from omni.cli.common import (
     console,
     error_console,
     examples,
-    keep_history,
     new_path,
     note,
     parse_assignments,
     print_json,
+    record_history,
 )
 from omni.cli.options import ForceOption, takes
-from omni.cli.params_output import StoreOption, keep_over_restart, print_changes
+from omni.cli.params_output import StoreOption, print_changes, store_in_flash
 from omni.cli.robot_options import RobotOptions
 from omni_schema import Parameter, ParameterTable
 from omni_schema.errors import did_you_mean
@@ -110,8 +110,8 @@ def _print_long(rows: Sequence[Sequence[str]]) -> None:
 )
 @takes(RobotOptions)
 def list_parameters(
-    filter_text: Annotated[str, typer.Argument(metavar="[TEXT]", help="Only names that contain this.")] = "",
-    long: Annotated[bool, typer.Option("--long", help="Also what each one means.")] = False,
+    filter_text: Annotated[str, typer.Argument(metavar="[TEXT]", help="Show only names that contain this text.")] = "",
+    long: Annotated[bool, typer.Option("--long", help="Show descriptions too.")] = False,
     *,
     wanted: RobotOptions,
 ) -> None:
@@ -156,7 +156,7 @@ def set_parameters(
         list[str],
         typer.Argument(
             metavar="NAME=VALUE...",
-            help="All are set, or none, while the link lasts.",
+            help="All are set, or none, unless the link is lost.",
             autocompletion=completion.assignments,
         ),
     ],
@@ -177,10 +177,10 @@ def set_parameters(
     for name, value in values.items():
         checked_value(table, name, value)
     with wanted.open() as robot:
-        keep_history(robot, why)
+        record_history(robot, why)
         old = {name: robot.parameters[name] for name in values}
         robot.parameters.set_many(values)
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         changes = {name: (old[name], robot.parameters[name]) for name in values}
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
@@ -217,7 +217,10 @@ def load(
     ],
     store: StoreOption = False,
     other_robot: Annotated[
-        bool, typer.Option("--other-robot", help="Also set wheels, geometry and wiring that are another robot's.")
+        bool,
+        typer.Option(
+            "--other-robot", help="Also set wheels, geometry and wiring, even if they differ from the robot's."
+        ),
     ] = False,
     why: WhyOption = "",
     *,
@@ -225,25 +228,25 @@ def load(
 ) -> None:
     """Set the parameters of a file or preset, all or none, and show what changed.
 
-    Exit code 1: the file is of a robot with other wheels, geometry or wiring; they are listed, and nothing is set.
+    Exit code 1: the file's wheels, geometry or wiring differ from the robot's; they are listed, and nothing is set.
 
-    The robot keeps its number on the line, SYS_ID. `omni params set SYS_ID=2` gives it another one.
+    The robot keeps its system id, SYS_ID. `omni params set SYS_ID=2` changes it.
     """
     from omniwheel.parameters import SYSTEM
 
     path = find_parameter_file(file)
     system = parameter_file.read(path, parameter_table()).get(SYSTEM)
     with wanted.open() as robot:
-        keep_history(robot, why)
+        record_history(robot, why)
         _download(robot, wanted.as_json)
         changes = robot.parameters.load(path, force=other_robot)
         if system not in (None, robot.parameters[SYSTEM]):
             note(
                 f"the robot keeps {SYSTEM} {robot.parameters[SYSTEM]:g}; "
-                f"`omni params set {SYSTEM}={system:g}` gives it that of the file",
+                f"`omni params set {SYSTEM}={system:g}` sets the file's",
                 quiet=wanted.as_json,
             )
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 
@@ -305,8 +308,7 @@ def diff(
 ) -> None:
     """Show where the robot differs from its robot file, another file, or the defaults (robot → file).
 
-    A robot file sets its own numbers over the defaults. So a fresh robot differs from the defaults only there: compare
-    it with its robot file to see what was tuned. Exit code 1: it differs.
+    A robot file overrides some defaults: compare a robot with its file to see what was tuned. Exit code 1: it differs.
     """
     other, what = _compared(file, parameter_table())
     note(f"compared with {what}", quiet=wanted.as_json)
@@ -321,7 +323,7 @@ def diff(
 @app.command("reset", epilog=examples("omni params reset --store", "omni params reset ISMC_LAM_XY"))
 @takes(RobotOptions)
 def reset(
-    names: Annotated[list[str] | None, typer.Argument(help="Only these, to the defaults of params.toml.")] = None,
+    names: Annotated[list[str] | None, typer.Argument(help="Reset only these, to the defaults of params.toml.")] = None,
     store: StoreOption = False,
     why: WhyOption = "",
     *,
@@ -329,10 +331,10 @@ def reset(
 ) -> None:
     """Set all parameters back to the robot's own file, or the named ones to their defaults.
 
-    The robot keeps its number on the line, SYS_ID, unless it is named. Another robot may have the default.
+    The robot keeps its system id, SYS_ID, unless it is named.
     """
     with wanted.open() as robot:
-        keep_history(robot, why)
+        record_history(robot, why)
         before = _download(robot, wanted.as_json)
         if names:
             robot.parameters.set_many({name: _default(robot, name) for name in map(str.upper, names)})
@@ -342,7 +344,7 @@ def reset(
         changes = {name: (before[name], after[name]) for name in after if before.get(name) != after[name]}
         if not names:
             robot.parameters.report_changes(changes)
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 

@@ -13,11 +13,11 @@ from omni.cli.common import (
     WhyOption,
     console,
     examples,
-    keep_history,
     print_json,
+    record_history,
 )
 from omni.cli.options import takes
-from omni.cli.params_output import StoreOption, keep_over_restart, print_changes
+from omni.cli.params_output import StoreOption, print_changes, store_in_flash
 from omni.cli.robot_options import RobotOptions
 from omniwheel.errors import HistoryError
 from omniwheel.parameter_file import format_value, shortest
@@ -49,7 +49,7 @@ def history(
             {"file": None if kept.path is None else str(kept.path), "entries": [_document(entry) for entry in entries]}
         )
     elif not entries:
-        console.print("nothing was changed yet")
+        console.print("the history is empty")
     else:
         console.print(_table(entries))
 
@@ -91,7 +91,7 @@ def _table(entries: list[Entry]) -> Table:
 def undo(
     number: Annotated[
         int | None,
-        typer.Argument(help="Back to before this entry of the history; without it, the last one.", show_default=False),
+        typer.Argument(help="Number of the history entry to undo. Default: the last one.", show_default=False),
     ] = None,
     store: StoreOption = False,
     why: WhyOption = "",
@@ -108,11 +108,11 @@ def undo(
         kept = history_of(robot)
         entries = kept.entries()
         if not entries:
-            raise HistoryError("nothing was changed yet: there is nothing to undo")
+            raise HistoryError("the history is empty: nothing to undo")
         earlier = kept.before(len(entries) if number is None else number)
-        keep_history(robot, why or f"undo {len(entries) if number is None else number}")
+        record_history(robot, why or f"undo {len(entries) if number is None else number}")
         old = {name: robot.parameters.read(name) for name in earlier}
         robot.parameters.set_many(earlier)
-        keep_over_restart(robot, store, wanted.as_json)
+        store_in_flash(robot, store, wanted.as_json)
         changes = {name: (old[name], robot.parameters[name]) for name in earlier if old[name] != earlier[name]}
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)

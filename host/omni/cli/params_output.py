@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
 
 Changes = Mapping[str, tuple[float, float]]
-StoreOption = Annotated[bool, typer.Option("--store", help="Keep the change over a restart (only while disarmed).")]
+StoreOption = Annotated[
+    bool, typer.Option("--store", help="Store the change in the robot's flash (only while disarmed).")
+]
 
 
 def print_changes(parameters: Parameters, changes: Changes, before: str, after: str, as_json: bool) -> None:
@@ -32,7 +34,7 @@ def print_changes(parameters: Parameters, changes: Changes, before: str, after: 
         console.print(f"[cyan]{escape(name)}[/]  {format_value(info, old)} → [bold]{format_value(info, new)}[/]")
 
 
-def keep_over_restart(robot: Robot, wanted: bool, quiet: bool) -> None:
+def store_in_flash(robot: Robot, wanted: bool, quiet: bool) -> None:
     """Have the robot store its parameters if that is wanted."""
     if wanted:
         robot.store()

@@ -25,7 +25,7 @@ def plot(
     run: Annotated[Path, typer.Argument(metavar="RUN|FILE.tlog", help="A run's folder, or a telemetry log.")],
     out: Annotated[
         Path | None,
-        typer.Option("--out", metavar="FILE", help="Where to draw. \\[default: run.png in the run's folder]"),
+        typer.Option("--out", metavar="FILE", help="PNG file to write. \\[default: run.png in the run's folder]"),
     ] = None,
     part: PartOption = None,
     force: ForceOption = False,
@@ -47,7 +47,7 @@ def plot(
         return
     if not run.exists():
         raise RunFolderError(
-            f"there is no {run}", hint="give a .tlog file or the folder of a run; `omni runs` lists them"
+            f"{run} does not exist", hint="give a .tlog file or the folder of a run; `omni runs` lists them"
         )
     if part is not None:
         raise typer.BadParameter("--part chooses a part of a telemetry log; a simulated run has none")
@@ -64,7 +64,7 @@ def plot(
     except OmniError:
         raise
     except (ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
-        raise RunFolderError(f"{run} holds another kind of run: {error!r}", hint="run it again") from error
+        raise RunFolderError(f"{run} holds another kind of run: {error!r}", hint="repeat the run") from error
     if json_wanted:
         print_json({"picture": str(target)})
     else:

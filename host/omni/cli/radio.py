@@ -19,16 +19,17 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Protect the robot's radio with a key.", no_args_is_help=True)
 key_app = typer.Typer(
-    help="The key that protects the radio. Without one anybody can command the robot by radio. Set it over USB.",
+    help="The key that protects the radio. Without a key, any transmitter in range can command the robot. The key is "
+    "set over USB.",
     no_args_is_help=True,
 )
 app.add_typer(key_app, name="key")
 
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Key file: secret, readable by its owner only.")]
 _STATES = {
-    "off": "no key: the radio is open to everybody",
+    "off": "no key: the radio accepts unsigned messages",
     "on": "key {0}",
-    "damaged": "the key cannot be read: the radio is closed until one is set or removed",
+    "damaged": "the stored key is damaged: the radio rejects all messages until a key is set or removed",
 }
 
 
@@ -49,7 +50,7 @@ def new(file: FileArgument, as_json: JsonOption = False) -> None:
 def set_key(
     file: FileArgument, link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False
 ) -> None:
-    """Give the robot this key, over USB and while it is disarmed. From then on its radio takes only signed messages."""
+    """Store this key in the robot, over USB and while it is disarmed. Its radio then accepts only signed messages."""
     from omniwheel import signing
 
     key = signing.read_key_file(file)
@@ -60,7 +61,7 @@ def set_key(
 
 @key_app.command("remove", epilog=examples("omni radio key remove --link /dev/ttyACM0"))
 def remove(link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False) -> None:
-    """Take the key out of the robot, over USB and while it is disarmed: its radio is then open to everybody."""
+    """Remove the robot's key, over USB and while it is disarmed. Its radio then accepts unsigned messages."""
     with open_robot(link, timeout_s=timeout) as robot:
         robot.setup_signing(None)
         _print(robot, as_json)
@@ -75,7 +76,7 @@ def show(
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Show the fingerprint of the robot's key and what its radio has refused, or the fingerprint of a file's key."""
+    """Show the fingerprint of the robot's key and its count of rejected messages, or a key file's fingerprint."""
     from omniwheel import signing
 
     if file is not None:
@@ -96,6 +97,6 @@ def _print(robot: Robot, as_json: bool) -> None:
         return
     console.print(_STATES[status.state].format(status.fingerprint))
     console.print(
-        f"refused since boot: {status.refused_unsigned} unsigned, {status.refused_wrong} wrongly signed, "
-        f"{status.refused_replayed} old, {status.refused_keys} keys, {status.refused_lines} set-point lines"
+        f"rejected since boot: {status.refused_unsigned} unsigned, {status.refused_wrong} wrongly signed, "
+        f"{status.refused_replayed} replayed, {status.refused_keys} key changes, {status.refused_lines} setpoint lines"
     )

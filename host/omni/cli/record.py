@@ -30,7 +30,7 @@ _SLICE_S = 0.5
 
 
 def record(
-    out: Annotated[Path, typer.Argument(metavar="OUT.tlog", help="Opens in MAVProxy and QGroundControl.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.tlog", help="Log to write; MAVProxy and QGroundControl open it.")],
     duration: Annotated[
         float, typer.Option("--duration", "-d", min=0.0, metavar="S", help="Default: until Ctrl-C.", show_default=False)
     ] = math.inf,

@@ -37,7 +37,7 @@ def release(out: Path, *, changed: bool, depth: str) -> list[Path]:
         made = build(robot)
         if made.changed and not changed:
             hint = "commit first, or ARGS=--changed for a release that says so"
-            raise FlashError("the work tree is not what was committed", hint=hint)
+            raise FlashError("the work tree has uncommitted changes", hint=hint)
         files += _robot_files(out, robot, made, depth)
     files += sorted(out.glob(f"omniwheel-{__version__}-*.whl"))
     sums = [f"{hashlib.sha256(path.read_bytes()).hexdigest()}  {path.name}\n" for path in files]
@@ -68,8 +68,8 @@ def main(arguments: list[str] | None = None) -> int:
 
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--out", type=Path, default=source_dir() / "dist")
-    parser.add_argument("--changed", action="store_true", help="release a work tree that was not committed")
-    parser.add_argument("--depth", choices=DEPTHS, default=CI, help="how much of each image is checked")
+    parser.add_argument("--changed", action="store_true", help="allow uncommitted changes in the work tree")
+    parser.add_argument("--depth", choices=DEPTHS, default=CI, help="depth of each image's check")
     options = parser.parse_args(arguments)
     try:
         files = release(options.out, changed=options.changed, depth=options.depth)

@@ -50,12 +50,12 @@ def replay_command(
     no_calibration: NoCalibrationOption = False,
     no_heading: Annotated[bool, typer.Option("--no-heading", help="Do not use a measured heading.")] = False,
     no_counts: Annotated[
-        bool, typer.Option("--no-counts", help="Do not use the counts: wheel speeds come from the duties alone.")
+        bool, typer.Option("--no-counts", help="Do not use encoder counts: compute wheel speeds from the duty cycles.")
     ] = False,
     fixes: Annotated[
         float,
         typer.Option(
-            "--fixes", min=0.0, max=1000.0, metavar="HZ", help="Also feed the truth as pose fixes, so many per second."
+            "--fixes", min=0.0, max=1000.0, metavar="HZ", help="Also use the ground truth as pose fixes, at this rate."
         ),
     ] = 0.0,
     fix_sd: Annotated[
@@ -162,7 +162,7 @@ def _print(facts: dict[str, Any], log: WheelLog) -> None:
     if dropped is not None:
         shares = shares_of(dropped["share"], facts["rows"])
         console.print(
-            f"[yellow]counts dropped as spikes per wheel: {shares}.[/] With every count as logged the path would be "
+            f"[yellow]counts rejected as spikes per wheel: {shares}.[/] With every count as logged the path would be "
             f"up to {dropped['moved_m']:.3f} m and {math.degrees(dropped['turned_rad']):.1f}° from this one"
         )
     for text in jumps_of_truth(log):

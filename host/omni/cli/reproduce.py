@@ -19,7 +19,7 @@ from omni.cli.common import FAILED, JsonOption, console, error_console, examples
 from omni.cli.options import DEFAULT_OUT, ListOption, OutOption
 from omni.cli.run_output import RunFolderError
 from omniwheel import __version__
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from omni_reproduce import study
@@ -36,13 +36,13 @@ def reproduce(
         list[str] | None,
         typer.Argument(
             metavar="[TABLE|FIGURE|EXPERIMENT]...",
-            help="What to reproduce (--list); everything by default.",
+            help="Experiments to run, see --list. Default: all.",
             autocompletion=completion.experiments,
         ),
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer seeds: everything in about a minute.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer seeds: about a minute for all.")] = False,
     seeds: Annotated[
-        int | None, typer.Option("--seeds", min=2, max=MAX_SEEDS, help="Seeds of every experiment that draws any.")
+        int | None, typer.Option("--seeds", min=2, max=MAX_SEEDS, help="Number of seeds of every random experiment.")
     ] = None,
     listed: ListOption = False,
     out: OutOption = DEFAULT_OUT,
@@ -90,7 +90,7 @@ def _new_folder(out: Path) -> Path:
             hint = "choose another folder with --out"
             raise RunFolderError(f"cannot make a folder in {out}: {error.strerror or error}", hint=hint) from error
         return folder
-    raise RunFolderError(f"{out} is full of results; remove some")
+    raise RunFolderError(f"{out} has no free folder name left; delete old results")
 
 
 @contextmanager

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
 
 LogOption = Annotated[
-    bool, typer.Option("--log/--no-log", help="Keep telemetry, parameters and a picture of the drive.")
+    bool, typer.Option("--log/--no-log", help="Keep telemetry, parameters and a plot of the drive in this folder.")
 ]
 
 

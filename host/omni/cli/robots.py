@@ -31,7 +31,10 @@ app.command("new", epilog=robots_new.EXAMPLES)(robots_new.new)
 app.command("motors", epilog=examples("omni robots motors", "omni robots motors --json"))(robots_new.motors)
 
 RobotArgument = Annotated[
-    str, typer.Argument(metavar="NAME|FILE", help="A robot's name, or a file.", autocompletion=completion.robots)
+    str,
+    typer.Argument(
+        metavar="NAME|FILE", help="Name of a shipped robot, or a robot file.", autocompletion=completion.robots
+    ),
 ]
 
 
@@ -48,7 +51,7 @@ def list_robots(ctx: typer.Context, as_json: JsonOption = False) -> None:
 
 @app.command("list", epilog=examples("omni robots list", "omni robots list --json"))
 def print_robots(as_json: JsonOption = False) -> None:
-    """List the robots that come with omniwheel, as `omni robots` does."""
+    """List the robots that come with omniwheel, like `omni robots`."""
     robots = [_summary(read_robot(name)) for name in robot_names()]
     if as_json:
         print_json({"robots": robots})
@@ -63,7 +66,7 @@ def print_robots(as_json: JsonOption = False) -> None:
 
 @app.command("show", epilog=examples("omni robots show three_wheel", "omni robots show mine.toml --json"))
 def show(name: RobotArgument, as_json: JsonOption = False) -> None:
-    """Show a robot file and what it sets."""
+    """Show a robot file and the parameters that it sets."""
     robot = read_robot(name)
     if as_json:
         print_json({**_summary(robot), "parameters": robot.parameter_values(), "simulation": dict(robot.simulation)})
@@ -80,7 +83,7 @@ def show(name: RobotArgument, as_json: JsonOption = False) -> None:
 
 @app.command("params", epilog=examples("omni robots params three_wheel", "omni robots params mine.toml --json"))
 def params(name: RobotArgument, as_json: JsonOption = False) -> None:
-    """Print every parameter that a robot file makes, for other simulators: lines as omni-firmware --params reads them.
+    """Print all parameters that follow from a robot file, in the format of omni-firmware --params.
 
     Enums and switches are numbers; units are SI (docs/reference, Parameters).
     """
@@ -106,7 +109,7 @@ def export(
     ],
     wanted: Annotated[
         str | None,
-        typer.Option("--format", metavar="urdf|sdf|proto|mjcf", help="What to write. \\[default: the file's ending]"),
+        typer.Option("--format", metavar="urdf|sdf|proto|mjcf", help="File format. \\[default: by the file's suffix]"),
     ] = None,
     force: ForceOption = False,
     as_json: JsonOption = False,
@@ -114,7 +117,7 @@ def export(
     """Write a robot's bodies for another simulator: chassis, wheels, and every roller with its hinge.
 
     URDF for ROS and many others, SDF for Gazebo, PROTO for Webots, MJCF for MuJoCo. Motors and their electronics are
-    not in it; docs/guides/external-worlds.md says how a simulator speaks to the firmware.
+    not included; docs/guides/external-worlds.md describes the simulator's interface to the firmware.
     """
     from hil_sim.models.export import FORMATS, missing_in
 
@@ -139,13 +142,15 @@ def check(
     name: RobotArgument,
     plot: Annotated[
         Path | None,
-        typer.Option("--plot", metavar="FILE.png", dir_okay=False, help="Draw the top speed by direction there."),
+        typer.Option(
+            "--plot", metavar="FILE.png", dir_okay=False, help="Save a plot of the top speed by direction to FILE."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Check a robot file and show what the robot can do: speeds, accelerations, currents, and what limits each.
+    """Check a robot file and show the robot's capability: speeds, accelerations, currents, and the limit of each.
 
-    Warns of what is possible but unwise. Exit code 2: something in it is wrong, and the message says what is allowed.
+    Warns of risky values. Exit code 2: a value is invalid; the message gives its range.
     """
     from omniwheel.capability import card, drive_model, problems
     from omniwheel.capability.picture import draw_speeds
@@ -162,7 +167,7 @@ def check(
         print_json({**_summary(robot), "ok": True, "warnings": warnings, **_card_json(shown)})
         return
     console.print(
-        f"{escape(name)}: fine: {escape(robot.name)}, {robot.wheels} wheels, {len(robot.overrides)} parameters"
+        f"{escape(name)}: valid: {escape(robot.name)}, {robot.wheels} wheels, {len(robot.overrides)} parameters"
     )
     _print_card(shown)
     print_warnings(warnings)
@@ -219,11 +224,11 @@ def _print_card(shown: Card) -> None:
 def wiring(
     name: RobotArgument,
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE.svg", dir_okay=False, help="Draw the wiring diagram there.")
+        Path | None, typer.Option("--out", metavar="FILE.svg", dir_okay=False, help="Save the wiring diagram to FILE.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show what is wired to what, and what to watch out for; with --out, as a drawing to print and build from."""
+    """Show the wiring as a table with warnings; with --out, as a drawing."""
     plan = plan_wiring(read_robot(name))
     if out is not None:
         if out.suffix.lower() != ".svg":
@@ -244,6 +249,6 @@ def _print_wiring(plan: WiringPlan) -> None:
     for title in ("from", "to", HEADING):
         table.add_column(title, overflow="fold")
     for connection in connections(plan):
-        table.add_row(escape(connection.start), escape(connection.end), escape(connection.mind))
+        table.add_row(escape(connection.start), escape(connection.end), escape(connection.note))
     console.print(table)
     print_warnings(plan.warnings)

@@ -18,7 +18,7 @@ from omni.cli.common import JsonOption, console, examples, print_json
 from omni.cli.options import RobotFolderOption
 from omni_schema import Robot
 from omniwheel.errors import DataSheetError
-from omniwheel.plain import typed_number
+from omniwheel.number_text import parse_number
 from omniwheel.robots import find_robot_file, new_robot_file, read_robot
 from omniwheel.wiring import plan_wiring
 
@@ -46,7 +46,7 @@ def new(
         str | None, typer.Option("--from", help="Robot to copy.", autocompletion=completion.robots, show_default=False)
     ] = None,
     folder: RobotFolderOption = Path(),
-    ask: Annotated[bool, typer.Option("--ask", help="Ask for every number that is not given.")] = False,
+    ask: Annotated[bool, typer.Option("--ask", help="Prompt for every number that is not given.")] = False,
     motor: Annotated[str | None, _option("--motor", "A motor of `omni robots motors`.", _SHEET, "NAME")] = None,
     voltage: Annotated[float | None, _option("--voltage", "Rated voltage \\[V].", _SHEET, "V")] = None,
     no_load_rpm: Annotated[
@@ -64,22 +64,30 @@ def new(
         _option("--gear", "Turns of the encoder per turn of the wheel; 1: encoder at the wheel.", _SHEET, "N"),
     ] = None,
     encoder_lines: Annotated[
-        float | None, _option("--encoder-lines", "Lines (pulses of one channel) per turn of the encoder.", _SHEET, "N")
+        float | None, _option("--encoder-lines", "Encoder lines (pulses of one channel) per turn.", _SHEET, "N")
     ] = None,
     wheels: Annotated[int, typer.Option("--wheels", min=3, max=4, rich_help_panel=_BODY, help="3 or 4.")] = 3,
     wheel_diameter: Annotated[
         str | None, _option("--wheel-diameter", "With unit: 96mm, 3.8in.", _BODY, "LENGTH")
     ] = None,
     wheel_distance: Annotated[
-        str | None, _option("--wheel-distance", "Centre to a wheel's contact point, with unit.", _BODY, "LENGTH")
+        str | None,
+        _option(
+            "--wheel-distance",
+            "Distance from the robot's centre to a wheel's contact point, with unit.",
+            _BODY,
+            "LENGTH",
+        ),
     ] = None,
-    mass: Annotated[float | None, _option("--mass", "Whole robot \\[kg].", _BODY, "KG")] = None,
+    mass: Annotated[float | None, _option("--mass", "Mass of the whole robot \\[kg].", _BODY, "KG")] = None,
     supply: Annotated[
-        float | None, _option("--supply", "Battery \\[V]; left out: the motor's rated voltage.", _BODY, "V")
+        float | None, _option("--supply", "Battery voltage \\[V]. Default: the motor's rated voltage.", _BODY, "V")
     ] = None,
     bridge_current: Annotated[
         float | None,
-        _option("--bridge-current", "At which a bridge chops \\[A], for LIM_I; left out: no limit.", _BODY, "A"),
+        _option(
+            "--bridge-current", "Current at which the bridge chops \\[A], for LIM_I. Default: no limit.", _BODY, "A"
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -94,7 +102,7 @@ def new(
     body = (wheel_diameter, wheel_distance, mass, supply, bridge_current)
     designed = ask or any(value is not None for value in (*sheet, *body))
     if designed and template is not None:
-        raise typer.BadParameter("--from copies a robot, data-sheet numbers make one: give one or the other")
+        raise typer.BadParameter("--from and data-sheet numbers exclude each other")
     if not designed and template is None and sys.stdin.isatty():
         designed = ask = True
     if not designed:
@@ -113,7 +121,11 @@ def new(
         supply_V=supply,
         bridge_A=bridge_current,
     )
-    _say(write_designed_robot(name, answers, folder), "from data-sheet numbers: read what it assumed", as_json)
+    _say(
+        write_designed_robot(name, answers, folder),
+        "from data-sheet numbers: read the assumptions in its comments",
+        as_json,
+    )
 
 
 class _Form:
@@ -127,7 +139,7 @@ class _Form:
         if given is not None:
             return given
         if not self.ask:
-            raise DataSheetError(f"{option} is missing", hint="give it, or --ask to be asked for what is missing")
+            raise DataSheetError(f"{option} is missing", hint="give it, or --ask to be prompted for it")
         return str(typer.prompt(question, err=True))
 
     def number(self, given: float | None, option: str, question: str) -> float:
@@ -139,7 +151,7 @@ class _Form:
     @staticmethod
     def _parsed(text: str, question: str) -> float:
         try:
-            return typed_number(text)
+            return parse_number(text)
         except ValueError:
             raise DataSheetError(f"{text!r} is not a number", hint=question) from None
 
@@ -147,7 +159,7 @@ class _Form:
         """Return an answer that may be left out."""
         if given is not None or not self.ask:
             return given
-        text = str(typer.prompt(f"{question}, Enter if it is not given", default="", show_default=False, err=True))
+        text = str(typer.prompt(f"{question}, Enter if unknown", default="", show_default=False, err=True))
         return self._parsed(text, question) if text.strip() else None
 
     def motor(

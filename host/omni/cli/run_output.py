@@ -22,7 +22,7 @@ from omni.cli.common import console, error_console, note, print_json
 from omni.cli.options import seed_option
 from omni_schema.errors import did_you_mean
 from omniwheel.errors import OmniError, OutputFileError
-from omniwheel.plain import shown
+from omniwheel.number_text import shown
 from omniwheel.presets import read_preset
 
 if TYPE_CHECKING:
@@ -61,7 +61,9 @@ PLANTS = tuple(WORLD.plants)
 
 def _known_plant(name: str | None) -> str | None:
     if name is not None and name not in PLANTS:
-        raise typer.BadParameter(f"{name!r} is no plant{did_you_mean(name, PLANTS)}; allowed are {', '.join(PLANTS)}")
+        raise typer.BadParameter(
+            f"{name!r} is not a plant{did_you_mean(name, PLANTS)}; must be one of {', '.join(PLANTS)}"
+        )
     return name
 
 
@@ -71,7 +73,7 @@ PlantOption = Annotated[
         "--plant",
         metavar="|".join(PLANTS),
         callback=_known_plant,
-        help="How exactly our own world computes motors, body and floor: full physics or a simpler model. "
+        help="Model of motors, body and floor in the built-in world: full physics or a simpler one. "
         "\\[default: the scenario's]",
     ),
 ]
@@ -100,7 +102,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Change a parameter; world.NAME: a number of the world. Repeatable.",
+        help="Set a parameter, or a number of the world as world.NAME. Repeatable.",
         show_default=False,
     ),
 ]
@@ -122,8 +124,7 @@ WorldOption = Annotated[
     typer.Option(
         "--world",
         metavar="MODULE:CLASS|mujoco",
-        help="Another simulator instead of our own world: a Python class, or mujoco\\[:FLOOR.toml]. Without it: our "
-        "own, as exact as --plant says.",
+        help="External simulator: a Python class, or mujoco\\[:FLOOR.toml]. Default: the built-in world with --plant.",
     ),
 ]
 
@@ -151,7 +152,7 @@ def world_of(place: str | None, scenario: Scenario, quiet: bool) -> ExternalWorl
 
 def scenario_help() -> str:
     """Return the line that names the scenarios of the package."""
-    return f"Scenarios: {', '.join(completion.scenario_names())}. `omni hil --list` says what each is."
+    return f"Scenarios: {', '.join(completion.scenario_names())}. `omni hil --list` describes them."
 
 
 def print_scenarios(as_json: bool) -> None:
@@ -218,7 +219,7 @@ def apply_settings(scenario: Scenario, settings: Sequence[str] | None) -> Scenar
     for word in settings:
         name, _, value = word.partition("=")
         if not name.strip() or not value.strip() or ":" in value or "," in value:
-            raise StudyInputError(f"--set {word} is no setting", hint="write NAME=VALUE, one value")
+            raise StudyInputError(f"--set {word} is not a setting", hint="write one NAME=VALUE")
     axes = parse_axes(list(settings), scenario.robot.table)
     values = {axis.name: axis.values[0] for axis in axes}
     own = {key: value for key, value in values.items() if not key.startswith(WORLD_PREFIX)}

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="List, compare, name and delete the folders of drives and runs.", invoke_without_command=True)
 
-FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Where the runs are.")]
+FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the runs.")]
 RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="A run's name, or its folder.")]
 DEFAULT_FOLDER = Path("runs")
 
@@ -30,7 +30,7 @@ DEFAULT_FOLDER = Path("runs")
 def runs(
     ctx: typer.Context,
     find: Annotated[
-        str, typer.Option("--find", metavar="TEXT", help="Only runs with this text in their name or request.")
+        str, typer.Option("--find", metavar="TEXT", help="Show only runs with this text in their name or command.")
     ] = "",
     folder: FolderOption = DEFAULT_FOLDER,
     as_json: JsonOption = False,
@@ -91,7 +91,7 @@ def name_run(
     folder: FolderOption = DEFAULT_FOLDER,
     as_json: JsonOption = False,
 ) -> None:
-    """Give a run another name."""
+    """Rename a run."""
     from omniwheel.drive_log.listing import find_run, rename_run
 
     target = rename_run(find_run(folder, run), name)
@@ -104,7 +104,7 @@ def name_run(
 @app.command("delete", epilog=examples("omni runs delete drive-pose-2", "omni runs delete drive-pose --yes"))
 def delete(
     run: RunArgument,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Delete without confirmation.")] = False,
     folder: FolderOption = DEFAULT_FOLDER,
     as_json: JsonOption = False,
 ) -> None:

@@ -28,7 +28,7 @@ from omni.cli.run_output import (
     scenario_of,
     store_and_print,
 )
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from hil_sim.batch import BatchResult
@@ -74,7 +74,7 @@ def sim(
     out: OutOption = DEFAULT_OUT,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Run a scenario without the firmware and its link, fast: the same world and control core in one process."""
+    """Run a scenario with world and control core in one process, without firmware and link: faster than omni hil."""
     from hil_sim.runs import run_in_process
 
     if listed:

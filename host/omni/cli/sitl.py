@@ -57,7 +57,7 @@ WorldRobotOption = Annotated[
     typer.Option(
         "--world-robot",
         metavar="NAME|FILE",
-        help="The simulated robot, if it shall differ from what the firmware believes: to try `omni bringup`.",
+        help="Robot to simulate, if different from the firmware's parameters: to practise `omni bringup`.",
         autocompletion=completion.robots,
     ),
 ]
@@ -67,9 +67,7 @@ LinksOption = Annotated[
         "--link", metavar="LINK", help="Instead of --port: tcp:HOST:PORT, pty[:PATH], udp:HOST:PORT; repeatable."
     ),
 ]
-StorageOption = Annotated[
-    Path | None, typer.Option("--storage", metavar="FILE", help="Keep stored parameters in this file.")
-]
+StorageOption = Annotated[Path | None, typer.Option("--storage", metavar="FILE", help="File of the stored parameters.")]
 EndWithStdinOption = Annotated[
     bool, typer.Option("--end-with-stdin", help="End once standard input is closed: for programs that start this.")
 ]
@@ -94,7 +92,7 @@ def sitl(
     radio: RadioOption = None,
     loss: LossOption = 0.0,
     latency: Annotated[
-        float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's delay each way.")
+        float, typer.Option("--latency", min=0.0, metavar="S", help="The radio's one-way delay.")
     ] = 0.02,
     seed: SeedOption = None,
     end_with_stdin: EndWithStdinOption = False,
@@ -139,7 +137,7 @@ def sitl(
 def serve_world(
     running: Sitl, scenario: Scenario, json_wanted: bool, *, commands: bool, end_with_stdin: bool
 ) -> NoReturn:
-    """Say where the robot is, and keep its world going until KeyboardInterrupt; obey commands if wanted."""
+    """Say where the robot is, and keep its world going until KeyboardInterrupt; apply_command commands if wanted."""
     from omni.cli.sitl_commands import Commands
 
     more = {"world": running.live.catalogue()} if commands else {}
@@ -163,7 +161,9 @@ def read_input(commands: Commands | None, end_with_it: bool) -> None:
 
 def _refuse_world(world: str | None, world_robot: str | None, radio: int | None, commands: bool) -> None:
     if world is not None or world_robot is not None or radio is not None or commands:
-        raise typer.BadParameter("--no-world is the firmware alone: no --world, --world-robot, --radio or --commands")
+        raise typer.BadParameter(
+            "--no-world runs the firmware alone: leave out --world, --world-robot, --radio or --commands"
+        )
 
 
 def _alone(
@@ -209,7 +209,7 @@ def _standard_input() -> AbstractContextManager[BinaryIO]:
     """Not sys.stdin's own buffer: Python closes that at the program's end, and aborts if a thread still waits in it."""
     try:
         number = sys.stdin.fileno()
-    except UnsupportedOperation:  # somebody has put a buffer in its place
+    except UnsupportedOperation:  # replaced by a buffer
         return nullcontext(sys.stdin.buffer)
     return open(number, "rb", buffering=0, closefd=False)
 
@@ -222,7 +222,7 @@ def _simulated_radio(
     if baud is None:
         return None
     if baud not in _PROFILES:
-        raise typer.BadParameter(f"--radio {baud}: there are profiles for {', '.join(map(str, _PROFILES))} baud")
+        raise typer.BadParameter(f"--radio {baud}: must be one of {', '.join(map(str, _PROFILES))} baud")
     if links and len(links) > 1:
         raise typer.BadParameter("--radio makes the second link itself: give --link once at most")
     return SimulatedRadio(settings, host, seed=seed)
@@ -235,5 +235,5 @@ def announce(
     if json_wanted:
         print_json({"ready": True, "links": list(urls), "robot": robot, **(more or {})}, one_line=True)
     else:
-        console.print(f"{escape(robot)} is there: connect to [bold]{'[/] or [bold]'.join(map(escape, urls))}[/]")
+        console.print(f"{escape(robot)} is running: connect to [bold]{'[/] or [bold]'.join(map(escape, urls))}[/]")
         console.print(f"{description}. Ctrl-C ends it.")

@@ -50,15 +50,15 @@ class Commands:
             except Empty:
                 break
             if line.strip() or len(line) == LONGEST_LINE:
-                self._obey(line.decode(errors="replace"))
+                self._apply_line(line.decode(errors="replace"))
         state = self._world.state()
         if state != self._said:
             self._said = state
             self._say(state)
 
-    def _obey(self, line: str) -> None:
+    def _apply_line(self, line: str) -> None:
         try:
-            self._world.obey(line)
+            self._world.apply_command(line)
         except OmniError as error:
             error_console.print(f"[bold red]error:[/] {escape(str(error))}", soft_wrap=True)
 
@@ -67,4 +67,4 @@ class Commands:
             print_json({"now": state}, one_line=True)
             return
         on = [str(one["fault"]) + (f" of wheel {one['wheel']}" if one["wheel"] else "") for one in state["on"]]
-        console.print(f"broken: {', '.join(on) or 'nothing'}; {state['speed']:g} times real time")
+        console.print(f"active faults: {', '.join(on) or 'none'}; {state['speed']:g} times real time")

@@ -14,8 +14,8 @@ from omni.cli.common import (
     console,
     examples,
     link_url,
+    note_if_shared,
     print_json,
-    say_if_shared,
 )
 from omniwheel.default_system import default_system
 from omniwheel.errors import OmniError, SeveralRobotsError
@@ -31,11 +31,9 @@ _SAID = {
 
 
 def stop(
-    release: Annotated[
-        bool, typer.Option("--release", help="Release the emergency stop instead. The robot is then disarmed.")
-    ] = False,
+    release: Annotated[bool, typer.Option("--release", help="Release the e-stop. The robot is then disarmed.")] = False,
     disarm: Annotated[
-        bool, typer.Option("--disarm", help="Only disarm: motors off, no stop to release. Ends a failsafe, too.")
+        bool, typer.Option("--disarm", help="Only disarm: motors off, no latched e-stop. Also ends a failsafe.")
     ] = False,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
@@ -88,5 +86,5 @@ def _stop_one(url: str, state: str, timeout_s: float, system: int | None) -> int
             robot.estop_clear()
         else:
             robot.estop()
-        say_if_shared(robot)
+        note_if_shared(robot)
         return robot.connection.target_system

@@ -117,7 +117,9 @@ def _address(listener: socket.socket, token: str) -> str:
 
 def _announce(address: str, local: bool, json_wanted: bool) -> None:
     if not local:
-        error_console.print("[yellow]warning:[/] whoever has this address can drive the robot, and it is not encrypted")
+        error_console.print(
+            "[yellow]warning:[/] everyone with this address can drive the robot; the connection is not encrypted"
+        )
     if json_wanted:
         print_json({"ready": True, "url": address}, one_line=True)
     else:

@@ -20,19 +20,21 @@ EXAMPLES = examples(
     "omni study autotune --robots 1000 --rivals 100 --stops 200 --workers 8 --out runs/study",
 )
 
-app = typer.Typer(no_args_is_help=True, help="Test a tool on very many robots drawn at random.")
+app = typer.Typer(no_args_is_help=True, help="Test a tool on many random robots.")
 
 
 @app.command("autotune", epilog=EXAMPLES)
 def autotune(
-    robots: Annotated[int, typer.Option("--robots", min=1, max=100_000, help="Robots to draw, tune and judge.")] = 20,
+    robots: Annotated[int, typer.Option("--robots", min=1, max=100_000, help="Number of random robots.")] = 20,
     rivals: Annotated[
         int,
         typer.Option(
-            "--rivals", min=0, help="For so many of them an optimiser that knows the true robot searches gains, too."
+            "--rivals", min=0, help="Number of robots for which an optimiser with the true model is run for comparison."
         ),
     ] = 0,
-    stops: Annotated[int, typer.Option("--stops", min=0, help="Tunings that are interrupted at random moments.")] = 0,
+    stops: Annotated[
+        int, typer.Option("--stops", min=0, help="Number of tunings that are interrupted at random moments.")
+    ] = 0,
     seed: OwnSeedOption = 1,
     radio: RadioOption = None,
     loss: LossOption = 0.05,
@@ -42,11 +44,11 @@ def autotune(
     fresh: FreshOption = False,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Tune robots drawn at random by omni autotune, in simulated time on the real firmware, and judge the result.
+    """Run omni autotune on random robots, in simulated time with the real firmware, and rate the results.
 
-    Each robot file is wrong by up to 30 % in every number. A robot is judged by its true pose on a path of its own,
-    before and after, on seeds that the tuning never saw. Interrupted, the same command goes on; a larger --robots adds
-    to what is there. Over a radio or on an emulated processor it is another study, with a folder of its own.
+    Every number of a robot file has an error of up to 30 %. Robots are rated by their true pose on another path,
+    before and after, on seeds that the tuning did not use. An interrupted study continues with the same command; a
+    larger --robots extends it. With --radio or --emulated it is another study, in another folder.
     """
     from hil_sim.processes import usable_processors
     from hil_sim.studies.autotune_link import Way

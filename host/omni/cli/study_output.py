@@ -28,7 +28,7 @@ MAX_WORKERS = 1024
 WorkersOption = Annotated[
     int | None,
     typer.Option(
-        "--workers", min=1, max=MAX_WORKERS, help="Threads that work. \\[default: every processor]", show_default=False
+        "--workers", min=1, max=MAX_WORKERS, help="Worker threads. \\[default: all processors]", show_default=False
     ),
 ]
 ClusterOption = Annotated[
@@ -36,15 +36,15 @@ ClusterOption = Annotated[
     typer.Option(
         "--cluster",
         metavar="URL",
-        help="Let the workers of this Dask scheduler do it: tcp://host:8786.",
+        help="Run on the workers of this Dask scheduler: tcp://host:8786.",
         show_default=False,
     ),
 ]
 RunsOption = Annotated[
-    int, typer.Option("--runs", help="Runs, each with a seed of its own; at every point or trial the same seeds.")
+    int, typer.Option("--runs", help="Number of runs per point or trial; run i has the same seed everywhere.")
 ]
-BatchOption = Annotated[int, typer.Option("--batch", help="Runs that are done, kept and repeated together: 8, 16, ...")]
-FreshOption = Annotated[bool, typer.Option("--fresh", help="Forget the runs that the folder holds and start over.")]
+BatchOption = Annotated[int, typer.Option("--batch", help="Runs per batch, the unit of work and storage: 8, 16, ...")]
+FreshOption = Annotated[bool, typer.Option("--fresh", help="Delete the folder's runs and start over.")]
 StudyOutOption = Annotated[
     Path | None,
     typer.Option(
@@ -91,7 +91,7 @@ def study_pool(workers: int | None, cluster: str | None) -> Iterator[Pool]:
     from hil_sim.studies.pools import LocalPool
 
     if workers is not None and cluster is not None:
-        raise typer.BadParameter("--workers is for this computer; a cluster has its own")
+        raise typer.BadParameter("--workers and --cluster exclude each other")
     pool: Pool = LocalPool(workers)
     if cluster is not None:
         from hil_sim.studies.cluster import DaskPool  # here, not above: Dask takes a second to import
@@ -134,9 +134,9 @@ class StudyProgress:
     def speed_line(self) -> str:
         """Say what was done how fast."""
         new = self.done - self.kept
-        kept = f"; {self.kept} were there already" if self.kept else ""
+        kept = f"; {self.kept} were already kept" if self.kept else ""
         if new == 0:
-            return f"all {self.kept} runs were there already"
+            return f"all {self.kept} runs were already kept"
         factor = self.simulated_s / max(self.wall_s, 1e-9)
         return f"{new} runs, {self.simulated_s:.0f} s simulated in {self.wall_s:.1f} s: {factor:.0f} × real time{kept}"
 
@@ -161,7 +161,7 @@ def study_progress(title: str, total: int, folder: Path, quiet: bool) -> Iterato
             progress.stop()
     error_console.print(
         f"[yellow]interrupted[/]: {shown.done} of {total} runs are kept in {escape(str(folder))}; "
-        "run the same command again to go on",
+        "repeat the command to continue",
         soft_wrap=True,
     )
     raise typer.Exit(INTERRUPTED)

@@ -37,8 +37,8 @@ ParamOption = Annotated[
     typer.Option(
         "--param",
         metavar="NAME=LOW:HIGH[:N]",
-        help="A parameter, or world.NAME a number of the world: a range, on a grid with the number of points, "
-        "or values a,b,c. With :log they are spaced by ratio. Repeat for more.",
+        help="Parameter, or world.NAME for a number of the world: a range, for --grid with its number of points, "
+        "or values a,b,c. :log spaces them logarithmically. Repeatable.",
         show_default=False,
     ),
 ]
@@ -52,10 +52,12 @@ def sweep(
     on_grid: Annotated[bool, typer.Option("--grid", help="Every combination; the default.")] = False,
     sobol_count: Annotated[
         int | None,
-        typer.Option("--sobol", min=1, metavar="N", help="N points that fill the ranges evenly.", show_default=False),
+        typer.Option(
+            "--sobol", min=1, metavar="N", help="N points of a Sobol sequence in the ranges.", show_default=False
+        ),
     ] = None,
     show: Annotated[
-        str, typer.Option("--show", metavar="FIGURE[.STATISTIC]", help="What table and picture show first.")
+        str, typer.Option("--show", metavar="FIGURE[.STATISTIC]", help="Metric of the table and the plot.")
     ] = "position_m.mean",
     *,
     wanted: StudyOptions,
@@ -119,7 +121,7 @@ def _print(plan: study.Plan, results: list[study.PointResult], progress: StudyPr
         rows.append([*values, *_cells(plan, result, means)])
     print_table(f"{plan.scenario.name}: {len(results)} points × {plan.runs} runs", headings, rows, len(axes))
     if len(results) > _SHOWN_ROWS:
-        console.print(f"... and {len(results) - _SHOWN_ROWS} more points in {study.TABLE_FILE}")
+        console.print(f"{len(results) - _SHOWN_ROWS} more points are in {study.TABLE_FILE}")
     print_end(progress, folder)
 
 

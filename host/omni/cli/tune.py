@@ -22,11 +22,11 @@ from omni.cli.common import (
     WhyOption,
     console,
     examples,
-    keep_history,
     note,
     open_robot,
     parse_assignments,
     print_json,
+    record_history,
     redrawn_path,
     signals_interrupt,
 )
@@ -81,7 +81,7 @@ class _Wanted:
 
     kinds: Annotated[
         list[Kind] | None,
-        typer.Option("--experiment", "-e", help="What the robot does; repeatable. Default: step.", show_default=False),
+        typer.Option("--experiment", "-e", help="Experiment to run; repeatable. Default: step.", show_default=False),
     ] = None
     axis: AxisOption = Axis.X
     size: Annotated[
@@ -89,7 +89,7 @@ class _Wanted:
         typer.Option(
             "--size",
             metavar="SIZE",
-            help="Size of the step, m or rad \\[0.1]; of another experiment's signal as its --amplitude.",
+            help="Amplitude of the step, m or rad \\[0.1]; for other experiments as their --amplitude.",
             show_default=False,
         ),
     ] = None
@@ -100,14 +100,14 @@ class _Wanted:
             "-d",
             min=0.05,
             metavar="S",
-            help="Time to watch a step \\[3], allowed for a trajectory \\[600], or of the signal.",
+            help="Duration of a step \\[3] or of the signal, time limit of a trajectory \\[600].",
             show_default=False,
         ),
     ] = None
     wheel: Annotated[
         int | None,
         typer.Option(
-            "--only-wheel", min=0, max=4, metavar="N", help="Which wheel a wheel experiment moves; 0: all of them."
+            "--only-wheel", min=0, max=4, metavar="N", help="Wheel number of a wheel experiment, from 1; 0: all wheels."
         ),
     ] = None
     lifted: LiftedOption = False
@@ -120,13 +120,11 @@ def tune(
     assignments: Annotated[list[str] | None, ASSIGNMENTS] = None,
     candidates: Annotated[
         list[str] | None,
-        typer.Option(
-            "--candidate", metavar="'NAME=VALUE ...'", help="Another set to try beside that of --set; repeatable."
-        ),
+        typer.Option("--candidate", metavar="'NAME=VALUE ...'", help="Another candidate besides --set; repeatable."),
     ] = None,
     rounds: Annotated[int, rounds_option(1)] = 1,
     keep: Annotated[bool | None, KEEP] = None,
-    store: Annotated[bool, typer.Option("--store", help="With --keep: keep them over a restart too.")] = False,
+    store: Annotated[bool, typer.Option("--store", help="With --keep: store the values in the robot's flash.")] = False,
     why: WhyOption = "",
     out: OutOption = DEFAULT_OUT,
     plot: Annotated[Path | None, PLOT] = None,
@@ -192,7 +190,7 @@ class _Run:
             log = stack.enter_context(DriveLog(out, NAME, self._asked()))
             robot = stack.enter_context(open_robot(link, timeout_s=timeout_s, recorder=log.write))
             sets = TriedSets(robot, self._wanted)  # what is refused here leaves no folder
-            recorder = keep_history(robot, why)
+            recorder = record_history(robot, why)
             stack.callback(log.leaving)
             log.connected(robot)
             self._folder = log.folder
@@ -260,11 +258,13 @@ def _wanted_sets(
     words = [assignments or [], *(text.split() for text in candidates or [])]
     sets = [parse_assignments(entry) for entry in words if entry]
     if not sets:
-        raise typer.BadParameter("give at least one --set NAME=VALUE")
+        raise typer.BadParameter("at least one --set NAME=VALUE is missing")
     if len(sets) >= MAX_SETS:
-        raise typer.BadParameter(f"{len(sets)} candidates; at most {MAX_SETS - 1} are tried at once")
+        raise typer.BadParameter(f"{len(sets)} candidates; at most {MAX_SETS - 1} can be compared")
     if keep and len(sets) > 1:
-        raise typer.BadParameter("--keep needs to know which: try several with --revert, then give the one alone")
+        raise typer.BadParameter(
+            "--keep needs a single candidate: compare several with --revert, then repeat with the best one"
+        )
     return sets
 
 
@@ -276,7 +276,7 @@ def _series(wanted: _Wanted, quiet: bool) -> Series:
     if len(kinds) > 1 and (wanted.size is not None or wanted.duration_s is not None):
         raise typer.BadParameter("--size and --duration belong to one experiment: give them with a single -e")
     if Kind.STEP in kinds and wanted.size is not None and not 0.0 < abs(wanted.size) <= LARGEST_STEP:
-        raise typer.BadParameter(f"--size {wanted.size:g}: a step is from -{LARGEST_STEP:g} to {LARGEST_STEP:g}, not 0")
+        raise typer.BadParameter(f"--size {wanted.size:g}; must be from -{LARGEST_STEP:g} to {LARGEST_STEP:g}, not 0")
     size, duration_s = (math.nan if value is None else value for value in (wanted.size, wanted.duration_s))
     signal = Signal(size, duration_s, wanted.axis.value, wanted.wheel, wanted.lifted)
     tell = partial(note, quiet=quiet)
@@ -297,7 +297,7 @@ def _say(names: list[str], rounds: int, quiet: bool, number: int, index: int) ->
 
 
 def _chosen(keep: bool | None, count: int, json_wanted: bool) -> int | None:
-    """Return which set is kept, None to go back; asks where somebody can answer."""
+    """Return which set is kept, None to go back; prompts if there is a terminal."""
     if keep is not None:
         return 1 if keep else None
     if json_wanted or not sys.stdin.isatty():

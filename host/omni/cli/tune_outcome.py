@@ -13,7 +13,7 @@ from rich.table import Table
 
 from omni.cli.common import console
 from omniwheel import files
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 if TYPE_CHECKING:
     from omniwheel.experiments.repeated import Series, Try

@@ -55,7 +55,7 @@ def listen_address(text: str) -> LinkAddress:
     free = text.startswith("tcp:") and text.endswith(":0")
     address = parse_url(text.removesuffix("0") + "1" if free else text)
     if address.kind == "serial":
-        hint = "allowed are tcp:host:port, udp:host:port and udpout:host:port"
+        hint = "must be tcp:host:port, udp:host:port or udpout:host:port"
         raise LinkUrlError(f"cannot listen at {text!r}", hint=hint)
     return LinkAddress(address.kind, address.place, 0) if free else address
 

@@ -56,7 +56,7 @@ class BootRates:
     def interval_us(self, message: int, now_s: float) -> float | None:
         """Return how often a message comes at boot; NEVER_US: not at all; None: not known yet, ask again.
 
-        The median of the last intervals: lost messages and those that somebody asks for make single ones wrong.
+        The median of the last intervals: lost and requested messages make single ones wrong.
         """
         heard = self._boot_ms.get(message, deque())
         if len(heard) >= _NEEDED:

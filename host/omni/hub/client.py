@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""One client of the hub: what it sends is parsed here, and what it is to be sent waits here."""
+"""One client of the hub: its parser for received bytes and its send buffer."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Client:
         late = self._finder.waits and now_s - self._heard_s > SILENCE_S
         return self._finder.give_up() if late else []
 
-    def tell(self, system: int, text: str, severity: int, now_s: float, about: str = "") -> None:
+    def queue_text(self, system: int, text: str, severity: int, now_s: float, about: str = "") -> None:
         """Send a status text of the hub. With ``about``, at most one about this in two seconds."""
         if about and now_s - self._told_s.get(about, float("-inf")) < TEXT_PERIOD_S:
             return

@@ -79,7 +79,7 @@ class TcpClients:
                 self._leave(client)
                 continue
             if len(unsent) > UNREAD_BYTES:
-                self._hub.events.append(f"{self._hub.clients[number].name} does not read: sent away")
+                self._hub.events.append(f"{self._hub.clients[number].name} disconnected: it does not read its messages")
                 self._leave(client)
 
     def close(self) -> None:
@@ -111,7 +111,7 @@ class TcpClients:
 
 
 class UdpClients:
-    """A UDP socket: it answers whoever speaks to it, and, if it speaks first, only the one it speaks to."""
+    """A UDP socket: it replies to every sender, or, if it sends first, only to its target."""
 
     def __init__(self, hub: Hub, address: LinkAddress, clock: Callable[[], float]) -> None:
         self._hub = hub
@@ -150,7 +150,7 @@ class UdpClients:
             return
         try:
             data, peer = self._socket.recvfrom(READ_BYTES)
-        except OSError:  # nobody there yet: "connection refused"
+        except OSError:  # no listener yet: "connection refused"
             return
         if self._fixed is not None and peer[:2] != self._fixed:
             return
@@ -185,5 +185,5 @@ def _log_eviction(hub: Hub, number: int) -> None:
 
 
 def _cannot_listen(kind: str, address: LinkAddress, error: OSError) -> LinkOpenError:
-    hint = "is another hub there? choose another address with --listen"
+    hint = "is another hub running? choose another address with --listen"
     return LinkOpenError(f"cannot listen at {kind}:{address.place}:{address.number}: {error.strerror}", hint=hint)

@@ -22,7 +22,7 @@ from omni.hub.pending import Pending
 from omni.hub.rules import (
     HANDED_OVER,
     HELLO,
-    NOBODY,
+    NO_CLIENT,
     Kind,
     is_disarm,
     kind_of,
@@ -43,7 +43,7 @@ from omniwheel.stops import Stop, stop_of
 NAME_CHARACTERS = 25
 """Of a client's name in a status text."""
 HEARTBEAT_S = 0.9
-"""While nobody commands, the robot hears one heartbeat of a station in this time, whichever client sends it."""
+"""While no client is in command, one heartbeat per this time is passed on, from any client."""
 RESTART_MS = 1000
 """A clock that goes back by more than this is a restart."""
 _TRIAL = mavlink.MAV_CMD_OMNI_TRIAL
@@ -70,7 +70,7 @@ class Hub:
     """Feed it with :meth:`from_port` and :meth:`from_client`; send what :meth:`to_port` and :meth:`to_client` return.
 
     ``clock`` gives seconds. ``signer`` signs what goes to the port and checks what comes from it. ``events`` are lines
-    for a person, oldest first; whoever shows them takes them out.
+    for a person, oldest first; the reader removes them.
     """
 
     def __init__(self, settings: HubSettings, clock: Callable[[], float], signer: Signer | None = None) -> None:
@@ -108,7 +108,7 @@ class Hub:
         self._next += 1
         self.clients[number] = Client(number, name)
         if not self.is_open:
-            self._tell(self.clients[number], f"hub: waiting for {self.settings.name}", _CRITICAL)
+            self._send_text(self.clients[number], f"hub: waiting for {self.settings.name}", _CRITICAL)
         return number
 
     def leave(self, number: int) -> None:
@@ -124,7 +124,7 @@ class Hub:
             self._released(client, "has gone")
 
     def to_client(self, number: int) -> bytes:
-        """Return and forget what this client is to be sent."""
+        """Drain the client's send buffer."""
         out = self.clients[number].out
         data = bytes(out)
         out.clear()
@@ -133,7 +133,7 @@ class Hub:
     # ---- the port
 
     def port_opened(self, *, quiet: bool = False) -> None:
-        """The port is there, for the first time or again. ``quiet``: nobody is told, it may be gone at once."""
+        """Handle the port's opening. ``quiet``: without a text to the clients, as it may close at once."""
         self.is_open = True
         self._port = self._new_parser()
         self.streams.restart()
@@ -144,7 +144,7 @@ class Hub:
     def announce_open(self) -> None:
         """Tell everybody that the port is there."""
         self._say(f"{self.settings.name} is open")
-        self._tell_all(f"hub: {self.settings.name} is there", _NEWS)
+        self._send_text_to_all(f"hub: {self.settings.name} is connected", _NEWS)
 
     def port_lost(self, *, quiet: bool = False) -> None:
         """The port has gone. What waited for it is thrown away, and its senders are told."""
@@ -158,7 +158,7 @@ class Hub:
             self._refuse(frame.client, frame.message, _LATER)
         if not quiet:
             self._say(f"{self.settings.name} is gone")
-            self._tell_all(f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL)
+            self._send_text_to_all(f"hub: {self.settings.name} is disconnected, waiting for it", _CRITICAL)
 
     def from_port(self, data: bytes) -> None:
         """Take what came from the robot and hand it to the clients."""
@@ -215,7 +215,7 @@ class Hub:
             self._stop(client, message)
         elif not self.is_open:
             self._refuse(client.number, message, _LATER)
-            self._tell(client, f"hub: {self.settings.name} is gone, waiting for it", _CRITICAL, "port")
+            self._send_text(client, f"hub: {self.settings.name} is disconnected, waiting for it", _CRITICAL, "port")
         elif kind in _MOVES:
             self._move(client, message, kind)
         elif kind is Kind.HEARTBEAT:
@@ -224,7 +224,7 @@ class Hub:
             if self.streams.is_new(client.number, *wish, set(self.clients), now_s):
                 self._ask(client, message, Kind.INTERVAL)
             else:
-                self._acknowledge(client, message, _ACCEPTED)  # somebody wants as much or more, and gets it
+                self._acknowledge(client, message, _ACCEPTED)  # another client has an equal or higher rate
         elif kind is Kind.STREAM:
             self.streams.group(client.number, message)
         elif self._parameters.is_new(client.number, message, kind, now_s) and self._may_try(client, message):
@@ -257,10 +257,10 @@ class Hub:
         system = target_of(message).system
         for frame in self._outbox.remove(_MOVES, system):
             self._refuse(frame.client, frame.message, _DENIED)
-            self._tell(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
+            self._send_text(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
         if not self.is_open:
             self._refuse(client.number, message, _LATER)
-            self._tell(client, f"hub: {self.settings.name} is gone: no stop", _CRITICAL, "port")
+            self._send_text(client, f"hub: {self.settings.name} is disconnected: stop not sent", _CRITICAL, "port")
             return
         self._pending.overtake(system, now_s)
         if is_command(message):
@@ -273,9 +273,9 @@ class Hub:
             self._end_drive(client, held=stop_of(message) is Stop.HOLD)
 
     def _end_drive(self, by: Client, *, held: bool) -> None:
-        """A client has stopped what another one drives: tell that one, which may only send set-points or look on."""
+        """A client has stopped another one's drive: notify that client, which may only send setpoints or listen."""
         driver = self.command.revoke(self._clock())
-        self._tell_all(notices.stopped(by.name, held=held), _WARNING, but=by.number)
+        self._send_text_to_all(notices.stopped(by.name, held=held), _WARNING, but=by.number)
         if driver is not None:
             self._released(self.clients[driver], f"was {'held' if held else 'stopped'} by {by.name}")
 
@@ -283,7 +283,7 @@ class Hub:
         now_s = self._clock()
         before = self.command.holder
         if is_command(message) and self._pending.is_overtaken(client.number, message, now_s):
-            self._tell(client, "hub: a stop came first", _WARNING, "overtaken")
+            self._send_text(client, "hub: a stop came first", _WARNING, "overtaken")
             self._refuse(client.number, message, _DENIED)
         elif not self.command.may_move(
             client.number, now_s, stream=kind is Kind.SETPOINT, system=target_of(message).system
@@ -291,8 +291,8 @@ class Hub:
             self._refuse_move(client, message)
         else:
             if before is None:
-                self._say(f"{client.name} commands")
-                self._tell_all(notices.commands(client.name), _NEWS, but=client.number)
+                self._say(f"{client.name} is in command")
+                self._send_text_to_all(notices.commands(client.name), _NEWS, but=client.number)
                 if client.beat is not None:  # the robot refuses a station that it has not heard
                     self._ask(client, client.beat, Kind.HEARTBEAT)
             self._path.moves(client.number, message, self._robot.source, armed=self.command.armed)
@@ -306,7 +306,7 @@ class Hub:
             text = notices.DRIVE_ENDED
         else:
             text = notices.PAUSE_FIRST
-        self._tell(client, text, _WARNING, "" if is_command(message) else "set-points")
+        self._send_text(client, text, _WARNING, "" if is_command(message) else "setpoints")
         self._refuse(client.number, message, _DENIED)
 
     def _beat(self, client: Client, message: Message) -> None:
@@ -326,7 +326,7 @@ class Hub:
         """Let a frame wait for the port; say so if there is no room for it."""
         if not self._outbox.add(self._waiting(client.number, message, kind)):
             client.left_out += 1
-            self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
+            self._send_text(client, f"hub: link is full, {client.left_out} dropped", _WARNING, "full")
             self._refuse(client.number, message, _LATER)
         elif is_command(message):
             self._pending.ask(client.number, message, kind is Kind.MOVE, self._clock())
@@ -368,7 +368,7 @@ class Hub:
         now_s, before = self._clock(), self._robot.source
         if not self._robot.accept_heartbeat(source, now_s):
             if armed:
-                self.command.note_other_armed_robot(now_s)
+                self.command.record_other_armed_robot(now_s)
             return
         if source != before:
             self._trials.moved(before, source)
@@ -376,8 +376,8 @@ class Hub:
             self._is_new_robot = False
             self._trials.look(source)
         holder = self.command.holder
-        if self.command.robot_says(armed, now_s) and holder is not None:
-            self._released(self.clients[holder], "is done: the robot is not armed")
+        if self.command.update_from_robot(armed, now_s) and holder is not None:
+            self._released(self.clients[holder], "ended: the robot is not armed")
         if not armed and holder is not None and holder == self._handed_over:
             self.command.finish()
         self._handed_over = None
@@ -396,7 +396,7 @@ class Hub:
             if question is not None:
                 self.streams.answered(question, message.result)
                 self._trials.answered(question, message, self._robot.source)
-                if question.client == NOBODY:
+                if question.client == NO_CLIENT:
                     return
         plain, raw = wire.unsigned(message), bytes(message.get_msgbuf())
         for client in self.clients.values():
@@ -417,7 +417,7 @@ class Hub:
         for frame in self._outbox.stale():
             client = self.clients[frame.client]
             client.left_out += 1
-            self._tell(client, f"hub: link is full, {client.left_out} left out", _WARNING, "full")
+            self._send_text(client, f"hub: link is full, {client.left_out} dropped", _WARNING, "full")
         if self.is_open:
             for number, interval_us in self.streams.due(set(self.clients), now_s):
                 self._send_own(self._own.interval(self._robot.source, number, interval_us), Kind.INTERVAL)
@@ -432,9 +432,9 @@ class Hub:
         number = self._trials.owner(target_of(message).or_robot(self._robot.source))
         owner = None if number is None else self.clients.get(number)
         if owner is None:
-            self._tell(client, "hub: a trial of a program that is gone ends", _WARNING)
+            self._send_text(client, "hub: trial ended: its program disconnected", _WARNING)
         else:
-            self._tell(client, f"hub: {owner.name} tries parameters", _WARNING)
+            self._send_text(client, f"hub: {owner.name} began a parameter trial", _WARNING)
         self._refuse(client.number, message, _LATER if owner is None else _DENIED)
         return False
 
@@ -446,16 +446,16 @@ class Hub:
     def _send_hold(self, robot: tuple[int, int]) -> None:
         if self.is_open:
             hold = self._own.hold(robot)
-            self._outbox.stop(self._waiting(NOBODY, hold, Kind.STOP))
-            self._pending.ask(NOBODY, hold, False, self._clock())
+            self._outbox.stop(self._waiting(NO_CLIENT, hold, Kind.STOP))
+            self._pending.ask(NO_CLIENT, hold, False, self._clock())
 
     def _send_own(self, message: Message, kind: Kind) -> None:
         """Send what the hub asks by itself. The answer to a command is for no client."""
-        frame = self._waiting(NOBODY, message, kind)
+        frame = self._waiting(NO_CLIENT, message, kind)
         if is_command(message):
             frame.slot = (target_of(message), message.command, message.param1)  # asked again, it has another number
         if self._outbox.add(frame) and is_command(message):
-            self._pending.ask(NOBODY, message, False, self._clock())
+            self._pending.ask(NO_CLIENT, message, False, self._clock())
 
     # ---- saying things
 
@@ -468,17 +468,17 @@ class Hub:
         source = target_of(message).or_robot(self._robot.source)
         client.acknowledge(message, result, receipt_of(message), source, self._sequence)
 
-    def _tell(self, client: Client, text: str, severity: int, about: str = "") -> None:
-        client.tell(self._robot.source[0], text, severity, self._clock(), about)
+    def _send_text(self, client: Client, text: str, severity: int, about: str = "") -> None:
+        client.queue_text(self._robot.source[0], text, severity, self._clock(), about)
 
-    def _tell_all(self, text: str, severity: int, but: int = NOBODY) -> None:
+    def _send_text_to_all(self, text: str, severity: int, but: int = NO_CLIENT) -> None:
         for client in self.clients.values():
             if client.number != but:
-                self._tell(client, text, severity)
+                self._send_text(client, text, severity)
 
     def _released(self, client: Client, why: str) -> None:
-        self._say(f"{client.name} {why}; nobody commands")
-        self._tell_all(notices.NOBODY_COMMANDS, _NEWS)
+        self._say(f"{client.name} {why}; no client is in command")
+        self._send_text_to_all(notices.NO_CLIENT_IN_COMMAND, _NEWS)
 
     def _say(self, line: str) -> None:
         self.events.append(line)

@@ -39,7 +39,7 @@ class FrameFinder:
     MAVLink 1 the length must be that message's, too. All else is noise at once. After a wrong checksum it looks again
     from the next byte on, so nothing that arrived whole is lost. What stands inside a whole frame is its payload.
 
-    Nobody can tell half a frame from one that is still coming. So a stop inside an unfinished frame is given as soon as
+    A truncated frame looks like one that is still arriving. So a stop inside an unfinished frame is returned as soon as
     its last byte is there, and once more in its turn. ``is_stop`` tells what a stop is.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Who commands the robot: the first client that moves it, until it disarms, goes away or is idle."""
+"""The client in command: the first that moves the robot, until it disarms, disconnects or is idle."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ ENDED_PAUSE_S = 10.0
 
 
 class InCommand:
-    """Who commands. Clients are numbers; times are seconds of the hub's clock.
+    """The client in command. Clients are numbers; times are seconds of the hub's clock.
 
     ``holder`` is the client in command, None if there is none. ``armed`` is what the robot's heartbeat said last.
     """
@@ -36,7 +36,7 @@ class InCommand:
             self._heard_s = now_s
 
     def may_move(self, client: int, now_s: float, *, stream: bool, system: int = 0) -> bool:
-        """Ask for the command: True if the client has it now. ``stream`` marks a set-point of a stream.
+        """Ask for the command: True if the client has it now. ``stream`` marks a setpoint of a stream.
 
         ``system`` is the robot that it moves, 0 all of them.
         """
@@ -56,18 +56,18 @@ class InCommand:
     def hears_heartbeat_of(self, client: int, now_s: float) -> bool:
         """Return whether the robot may hear this client's heartbeats: they keep it driving.
 
-        While a robot is armed only those of the client in command, so that nobody else's hide that this one is gone.
+        While a robot is armed only those of the client in command, so that the others' do not hide its loss.
         """
         return client == self.holder or (self.holder is None and not self._any_is_armed(now_s))
 
-    def note_other_armed_robot(self, now_s: float) -> None:
+    def record_other_armed_robot(self, now_s: float) -> None:
         """Take note that another robot on the line is armed: the client in command may drive that one."""
         self._other_armed_s = now_s
 
     def _any_is_armed(self, now_s: float) -> bool:
         return self.armed or now_s - self._other_armed_s < IDLE_S
 
-    def robot_says(self, armed: bool, now_s: float) -> bool:
+    def update_from_robot(self, armed: bool, now_s: float) -> bool:
         """Take the robot's heartbeat; return whether the command was released by it."""
         was, self.armed = self.armed, armed
         had = self.holder is not None
@@ -87,7 +87,7 @@ class InCommand:
         return driver
 
     def has_ended(self, client: int, now_s: float) -> bool:
-        """Return whether the set-points of this client are refused because its drive was ended."""
+        """Return whether the setpoints of this client are refused because its drive was ended."""
         refused_s, pause_s = self._pauses.get(client, (float("-inf"), PAUSE_S))
         return pause_s == ENDED_PAUSE_S and now_s - refused_s < pause_s
 

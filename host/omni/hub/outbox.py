@@ -13,7 +13,7 @@ from omniwheel.dialect import Message
 from omniwheel.stops import Stop, stop_of
 
 STALE_S = 0.25
-"""A set-point or pose fix that has waited for so long is not sent any more."""
+"""A setpoint or pose fix that has waited for so long is not sent any more."""
 QUEUE_S = 2.0
 """A client's queue holds what the whole budget carries in this time,"""
 QUEUE_MIN_BYTES = 1200
@@ -125,7 +125,7 @@ class Outbox:
         return everything
 
     def stale(self) -> list[Waiting]:
-        """Take out and return set-points and pose fixes that have become too old."""
+        """Take out and return setpoints and pose fixes that have become too old."""
         oldest_s = self._clock() - STALE_S
         old = []
         for client, queue in self._queues.items():

@@ -23,7 +23,7 @@ class ParameterRequests:
         self._reads: dict[Hashable, tuple[int, float]] = {}
 
     def is_new(self, client: int, message: Message, kind: Kind, now_s: float) -> bool:
-        """Return whether the robot must hear a request, or somebody has asked the same just now."""
+        """Return whether the robot must hear a request, or it repeats a recent one."""
         if kind is Kind.LIST:
             return self.list_is_new(now_s)
         return kind is not Kind.READ or self.read_is_new(client, message, now_s)

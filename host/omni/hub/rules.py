@@ -11,7 +11,7 @@ from enum import Enum, auto
 from omniwheel.dialect import Message, is_command, mavlink, target_system
 from omniwheel.stops import stop_of
 
-NOBODY = -1
+NO_CLIENT = -1
 """The hub itself, where a client's number is asked for."""
 HELLO = "this is "
 """How a text begins with which a client says its name."""

@@ -91,7 +91,7 @@ class HubServer:
     def _claim_all(self) -> None:
         if not self._claim.take(self.device):
             other = places.find(places.HUB, self.device) or {}
-            hint = f"connect to {other.get('address', 'it')}, or end it first"
+            hint = f"connect to {other.get('address', 'it')}, or stop it first"
             raise LinkOpenError(f"another hub serves {self.device} (pid {other.get('pid', 'unknown')})", hint=hint)
         for address in self.urls:
             self._claim.take(address)
@@ -186,7 +186,7 @@ class HubServer:
             return
         self._reopen_s = min(2.0 * self._reopen_s, SLOWEST_REOPEN_S)
         self._next_open_s = now_s + self._reopen_s
-        self._say_once(f"waiting: {self._url} closes every connection; does another program have the robot?")
+        self._log_once(f"waiting: {self._url} closes every connection; is another program connected to the robot?")
 
     def _confirm_port(self) -> None:
         """Data came: end the back-off, and announce a port that was opened quietly."""
@@ -204,7 +204,7 @@ class HubServer:
         try:
             self._link = open_link(self._url_now(), timeout_s=REOPEN_S)
         except LinkOpenError as error:
-            self._say_once(f"waiting: {error}")
+            self._log_once(f"waiting: {error}")
             return
         if not self._backs_off:
             self._waiting_because = ""
@@ -216,7 +216,7 @@ class HubServer:
         self._opened_s = now_s
         self.hub.port_opened(quiet=self._backs_off)
 
-    def _say_once(self, line: str) -> None:
+    def _log_once(self, line: str) -> None:
         if line != self._waiting_because:
             self._waiting_because = line
             self.hub.events.append(line)
@@ -228,7 +228,7 @@ class HubServer:
             try:
                 self._claim.take(device)
             except OutputFileError as error:  # those that are there go on
-                self.hub.events.append(f"programs do not find {device}: {error}")
+                self.hub.events.append(f"cannot make {device} known to other programs: {error}")
             path = os.path.realpath(device)
             found = [port.serial_number for port in serial_ports() if port.device == path]
             self._serial_number = next(iter(found), self._serial_number)

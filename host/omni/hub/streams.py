@@ -10,7 +10,7 @@ from collections import Counter
 
 from omni.hub.boot_rates import BootRates, messages_of
 from omni.hub.pending import Question
-from omni.hub.rules import NOBODY
+from omni.hub.rules import NO_CLIENT
 from omniwheel.dialect import Message, mavlink
 
 OFF_US = -1.0
@@ -46,7 +46,7 @@ class Streams:
             self._boot.hear(message, boot_ms)
 
     def is_new(self, client: int, message: int, interval_us: float, clients: set[int], now_s: float) -> bool:
-        """Take a client's wish for one message; return whether the robot must hear it: nobody else wants it faster."""
+        """Record a client's requested rate of one message; return whether it is the highest and goes to the robot."""
         self._wish(client, message, interval_us)
         wanted = self._merged(message, clients, now_s)
         if self.in_force.get(message) == wanted and message in self.accepted:
@@ -83,7 +83,7 @@ class Streams:
             self._tries.clear()
         elif result == mavlink.MAV_RESULT_TEMPORARILY_REJECTED:
             pass
-        elif question.client == NOBODY:
+        elif question.client == NO_CLIENT:
             self.in_force[number] = interval_us  # asking again would be of no use
         else:
             self._wishes.get(number, {}).pop(question.client, None)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from omni.hub.pending import Question
-from omni.hub.rules import NOBODY, target_of
+from omni.hub.rules import NO_CLIENT, target_of
 from omniwheel.dialect import TRIAL_ASK, TRIAL_BACK, TRIAL_BEGIN, TRIAL_KEEP, Message, mavlink
 from omniwheel.robots import parameter_table
 
@@ -35,28 +35,28 @@ class _Trial:
         self._asks_left = 0
         self._asked_of: int | None = None
         self.client: int | None = None
-        """Whose trial goes on; NOBODY: it is to end, and the robot has not acknowledged that yet."""
+        """The trial's client; NO_CLIENT: its end was requested and is not acknowledged yet."""
         self.accepted = False
         """Whether the robot has accepted that this client began it."""
         self.candidate: int | None = None
         """To whom a trial of unknown origin belongs, if to anybody."""
 
     def ask(self, candidate: int | None) -> None:
-        """Ask the robot whether a trial goes on. If one does that nobody has, it is the candidate's."""
+        """Query the robot for an active trial. One without a client becomes the candidate's."""
         self.candidate = candidate
         self._asks_left = ASK_TRIES
         self._sent_s = float("-inf")
 
     def end(self) -> None:
         """Let the robot take back what was tried."""
-        self.client = NOBODY
+        self.client = NO_CLIENT
         self._sent_s = float("-inf")
 
     def serve(self) -> None:
         """Send what is due."""
         if self._clock() - self._sent_s < RETRY_S:
             return
-        if self.client == NOBODY:
+        if self.client == NO_CLIENT:
             self._sent_s = self._clock()
             self._send(self.robot, TRIAL_BACK)
         elif self._asks_left > 0:
@@ -67,7 +67,7 @@ class _Trial:
 
     def answered(self, question: Question, result: int) -> None:
         """Take the robot's answer to the hub or to a client."""
-        if question.client == NOBODY and question.action == TRIAL_ASK:
+        if question.client == NO_CLIENT and question.action == TRIAL_ASK:
             self._answered_ask(result)
         elif question.action == TRIAL_BEGIN:
             self._answered_begin(question.client, result)
@@ -87,7 +87,7 @@ class _Trial:
             self.ask(client)
 
     def _answered_ask(self, result: int) -> None:
-        if result in (_LATER, mavlink.MAV_RESULT_IN_PROGRESS) or self.client == NOBODY:
+        if result in (_LATER, mavlink.MAV_RESULT_IN_PROGRESS) or self.client == NO_CLIENT:
             return
         self._asks_left = 0
         if result == _ACCEPTED and self.client is None:
@@ -141,7 +141,7 @@ class Trials:
         self._heard_s[client] = self._clock()
 
     def owner(self, robot: Address) -> int | None:
-        """Return whose trial goes on; NOBODY: one that the robot is told to end."""
+        """Return the trial's client; NO_CLIENT: one whose end was requested."""
         trial = self._trials.get(robot)
         return None if trial is None else trial.client
 
@@ -173,7 +173,7 @@ class Trials:
         now_s = self._clock()
         for trial in self._trials.values():
             client = trial.client
-            if client not in (None, NOBODY) and now_s - self._heard_s.get(client, float("-inf")) > self._timeout_s:
+            if client not in (None, NO_CLIENT) and now_s - self._heard_s.get(client, float("-inf")) > self._timeout_s:
                 trial.end()
             trial.serve()
 

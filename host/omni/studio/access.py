@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Who may reach the studio: pages that came from it, and nobody else's page."""
+"""Access control of the studio: only pages that it served itself."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Access:
     """Checks the headers of a request.
 
     Another site's page in the same browser can send requests to this computer. But it cannot hide its ``Origin``. A
-    name that somebody else points here shows in ``Host``. Beyond this computer a token is needed as well.
+    foreign name that resolves to this host shows in ``Host``. Beyond this computer a token is needed as well.
     """
 
     def __init__(self, host: str) -> None:
@@ -28,12 +28,12 @@ class Access:
     def problem(self, headers: Mapping[str, str], token: str) -> str:
         """Say why a request is refused, "" if it is not. ``token`` is what the request's address holds."""
         if not self._is_ours(headers.get("host", "")):
-            return "this address is not one of the studio's"
+            return "the request's Host header is not an address of the studio"
         origin = headers.get("origin")
         if origin is not None and urlsplit(origin).netloc != headers.get("host", ""):
-            return "another site's page may not use the studio"
+            return "requests from other web sites are rejected"
         if self.token and not hmac.compare_digest(token.encode(), self.token.encode()):
-            return "the token is missing or wrong: use the address that omni studio has printed"
+            return "the token is missing or wrong: use the address printed by omni studio"
         return ""
 
     def _is_ours(self, host: str) -> bool:

@@ -16,7 +16,7 @@ from omni.studio.session import set_automatic_rate, set_rate
 from omniwheel.drawn_path import DrawnPath, drawn_path, preview
 from omniwheel.errors import OmniError
 from omniwheel.frames import Pose
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 from omniwheel.robot import Robot
 
 Request = Mapping[str, Any]
@@ -37,14 +37,14 @@ def parse_request(text: str | bytes | bytearray) -> Any:
     try:
         return json.loads(text, parse_int=lambda digits: int(digits) if len(digits) <= _EXACT_DIGITS else float(digits))
     except (ValueError, RecursionError) as error:
-        raise BadRequestError("that is no request of this page") from error
+        raise BadRequestError("malformed request") from error
 
 
 def number_of(request: Request, name: str, default: float | None = None) -> float:
     """Return a number of the request. Raises BadRequestError."""
     value = request.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise BadRequestError(f"{name} has to be a number, not {value!r}")
+        raise BadRequestError(f"{name} must be a number, not {value!r}")
     return float(value)
 
 
@@ -52,14 +52,14 @@ def keys_of(request: Request) -> list[str]:
     """Return the names of signals, each once. Raises BadRequestError."""
     keys = request.get("signals")
     if not isinstance(keys, list) or len(keys) > MOST_SIGNALS or not all(isinstance(key, str) for key in keys):
-        raise BadRequestError(f"signals has to be a list of at most {MOST_SIGNALS} names", hint="show fewer signals")
+        raise BadRequestError(f"signals must be a list of at most {MOST_SIGNALS} names", hint="show fewer signals")
     return list(dict.fromkeys(keys))
 
 
 def _values(request: Request) -> dict[str, float | str]:
     values = request.get("values")
     if not isinstance(values, dict) or not all(isinstance(value, int | float | str) for value in values.values()):
-        raise BadRequestError("values has to be an object of parameters and numbers")
+        raise BadRequestError("values must be an object of parameters and numbers")
     return {str(name): value for name, value in values.items()}
 
 
@@ -92,7 +92,7 @@ def _start_trajectory(robot: Robot, _edits: Edits, request: Request) -> None:
 def _drawn_path(request: Request) -> DrawnPath:
     line = request.get("line")
     if not isinstance(line, list) or not all(isinstance(point, list) and len(point) == 2 for point in line):
-        raise BadRequestError("line has to be a list of points, each [x, y] in metres")
+        raise BadRequestError("line must be a list of points, each [x, y] in metres")
     heading_rad = None if request.get("heading") is None else number_of(request, "heading")
     return drawn_path(line, number_of(request, "speed"), heading_rad=heading_rad, laps=number_of(request, "laps", 1.0))
 
@@ -122,7 +122,7 @@ def _set_pose_estimate(robot: Robot, _edits: Edits, request: Request) -> None:
 def _rate(robot: Robot, _edits: Edits, request: Request) -> None:
     rate_hz = request.get("hz")
     if rate_hz is not None and not 0 < number_of(request, "hz") <= LARGEST_RATE_HZ:
-        raise BadRequestError(f"hz has to be more than 0 and at most {LARGEST_RATE_HZ:g}")
+        raise BadRequestError(f"hz must be more than 0 and at most {LARGEST_RATE_HZ:g}")
     if rate_hz is None:
         set_automatic_rate(robot)
     else:

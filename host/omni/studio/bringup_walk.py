@@ -14,8 +14,8 @@ from threading import Event
 from typing import Any
 
 from omni.studio.actions import BadRequestError
+from omni.studio.error_text import in_words
 from omni.studio.session import Session, set_automatic_rate
-from omni.studio.words import in_words
 from omni_schema import Robot as RobotFile
 from omniwheel.errors import OmniError
 from omniwheel.logs.run_folder import new_run_folder
@@ -24,12 +24,12 @@ from omniwheel.robots import read_robot, robot_names
 
 ALL = "all"
 WORDS = {
-    ALL: "everything in order, up to the first that fails",
-    "link": "link: versions, the robot's numbers, latency",
-    "i2c": "I2C: does the PWM board answer?",
+    ALL: "all checks in order, up to the first failure",
+    "link": "link: versions, parameters, latency",
+    "i2c": "I2C: does the PWM board respond?",
     "encoders": "encoders: turn each wheel by hand",
     "gyro": "gyro: rest, then turn the robot by hand",
-    "flow": "floor motion: push the robot by hand along a metre",
+    "flow": "floor odometry: push the robot by hand along a metre",
     "motors": "motors: each wheel turns, on a stand",
     "estop": "stops: three ways to stop, on a stand",
     "oe": "output enable: its pin alone stops, on a stand",
@@ -37,7 +37,7 @@ WORDS = {
     "drive": "drive: a small square on the floor",
 }
 CONFIRM, SAW = "confirm", "saw"
-"""Kinds of questions: yes or no, where only yes goes on; yes, no or nobody looked."""
+"""Kinds of questions: yes or no, where only yes goes on; yes, no or unknown."""
 _WHEEL = re.compile(r"\b[Ww]heel (\d)\b")
 _WAIT_S = 0.05
 _LINES_KEPT = 8
@@ -63,23 +63,23 @@ class PagePerson:
         self._answered = Event()
         self._answer: bool | None = None
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Show a line."""
         self.lines.append(text)
 
     def confirm(self, question: str) -> bool:
         """Ask yes or no."""
-        return self._ask(question, CONFIRM) is True
+        return self._prompt(question, CONFIRM) is True
 
     def saw(self, question: str) -> bool | None:
-        """Ask yes, no or nobody looked."""
-        return self._ask(question, SAW)
+        """Ask yes, no or unknown."""
+        return self._prompt(question, SAW)
 
     def answer(self, number: Any, answer: Any) -> None:
         """Take an answer, from another thread. Raises BadRequestError for one to an earlier question."""
         question = self.question
         if question is None or question.number != number or isinstance(number, bool):
-            raise BadRequestError("this question is not asked any more")
+            raise BadRequestError("this question is no longer open")
         if answer is not None and not isinstance(answer, bool):
             raise BadRequestError(f"an answer is true, false or null, not {answer!r}")
         self._answer = answer
@@ -92,7 +92,7 @@ class PagePerson:
         found = _WHEEL.search(text)
         return None if found is None else int(found.group(1))
 
-    def _ask(self, text: str, kind: str) -> bool | None:
+    def _prompt(self, text: str, kind: str) -> bool | None:
         self._answered.clear()
         self.question = Question(next(self._numbers), text, kind)
         try:
@@ -121,19 +121,19 @@ class BringUp:
     def require_idle(self) -> None:
         """Raise BadRequestError while a walk is under way."""
         if self.running:
-            raise BadRequestError("the bring-up is under way", hint="wait for its end, or end it by STOP or Disarm")
+            raise BadRequestError("the bring-up is running", hint="wait for its end, or stop it with STOP or Disarm")
 
     def start(self, session: Session, request: Mapping[str, Any]) -> None:
         """Begin; returns at once. Raises BadRequestError if the robot is armed, or it is not known what to check."""
         self.require_idle()
         check, file = request.get("check"), robot_file(request.get("robot"))
         if check not in WORDS:
-            raise BadRequestError(f"there is no check {check!r}")
+            raise BadRequestError(f"unknown check {check!r}")
         robot = session.robot
         if robot is None or session.phase != "connected":
             raise BadRequestError("no robot is connected")
         if robot.status.armed:
-            raise BadRequestError("the robot is armed", hint="press Disarm: the checks arm it themselves")
+            raise BadRequestError("the robot is armed", hint="press Disarm: the checks arm the robot themselves")
         only = None if check == ALL else str(check)
         self._results, self._trouble, self._folder, self._person = [], "", "", None
         self._future = session.do_long(lambda robot: self._walk(robot, file, only))
@@ -142,7 +142,7 @@ class BringUp:
     def answer(self, request: Mapping[str, Any]) -> None:
         """Take the person's answer. Raises BadRequestError."""
         if self._person is None:
-            raise BadRequestError("nothing is asked")
+            raise BadRequestError("no question is open")
         self._person.answer(request.get("number"), request.get("yes"))
 
     def state(self) -> dict[str, Any]:
@@ -185,7 +185,7 @@ class BringUp:
             write_results(self._results, folder, "Bring-up")
             self._folder = str(folder)
         except OmniError as problem:
-            self._trouble = " ".join(filter(None, (self._trouble, f"The results are not kept: {problem}")))
+            self._trouble = " ".join(filter(None, (self._trouble, f"The results could not be saved: {problem}")))
 
 
 def catalogue(simulated: str | None) -> dict[str, Any]:
@@ -199,7 +199,7 @@ def robot_file(name: Any) -> RobotFile | None:
     if name is None:
         return None
     if name not in robot_names():
-        raise BadRequestError(f"there is no robot {name!r}")
+        raise BadRequestError(f"unknown robot {name!r}")
     return read_robot(str(name))
 
 

@@ -56,7 +56,7 @@ class Edits:
         self, source: list[tuple[Values, Values]], target: list[tuple[Values, Values]], side: int, what: str
     ) -> Values:
         if not source:
-            raise ParameterError(f"there is nothing to {what}")
+            raise ParameterError(f"nothing to {what}")
         step = source[-1]
         self._last = None
         self._parameters.set_many(step[side])

@@ -19,12 +19,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omni.studio.actions import BadRequestError, Request, number_of
+from omni.studio.error_text import in_words
 from omni.studio.session import Session, WorkEndedError
-from omni.studio.words import in_words
 from omniwheel.connection import Recorder
 from omniwheel.drive_log import DriveLog
 from omniwheel.errors import LimitError, OmniError
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 from omniwheel.robot import Robot
 from omniwheel.robots import robot_names
 from omniwheel.tuning import AXES
@@ -45,7 +45,7 @@ _PHASES = ("preparing", "moving", "fetching the recording", "drawing")
 
 @dataclass(frozen=True)
 class Kind:
-    """One experiment: its name as of ``omni experiment``, what it shows, and what has to be chosen."""
+    """One experiment: its name as of ``omni experiment``, what it shows, and what must be chosen."""
 
     name: str
     words: str
@@ -57,15 +57,19 @@ class Kind:
 
 
 KINDS = (
+    Kind("wheel-step", "Step response of a wheel's speed loop", ("wheel number or all", "on_stand"), "rad/s", 0.5),
     Kind(
-        "wheel-step", "How fast a wheel follows, and how much it overshoots", ("wheel or all", "on_stand"), "rad/s", 0.5
+        "wheel-chirp",
+        "Bandwidth, margins and delay of a wheel's loop",
+        ("wheel number or all", "on_stand"),
+        "rad/s",
+        2.5,
     ),
-    Kind("wheel-chirp", "Bandwidth, margins and delay of a wheel's loop", ("wheel or all", "on_stand"), "rad/s", 2.5),
-    Kind("position-step", "How fast the robot takes up another pose, past all ramps", ("axis",), "m or rad", 1.0),
+    Kind("position-step", "Step response of the position loop, without ramps", ("axis",), "m or rad", 1.0),
     Kind("position-sweep", "Bandwidth and margins of the position loop", ("axis",), "m or rad", 12.0),
-    Kind("disturbance", "How far the robot gives way when a wheel is pushed", ("wheel",), "V", 0.1),
-    Kind(_AUTOTUNE, "Measure the robot, choose its gains from that, and try them", ("rounds",)),
-    Kind(_IDENTIFY, "Measure motors, friction and inertia, and write a robot file", ("file",)),
+    Kind("disturbance", "Deviation after a voltage step on one wheel", ("wheel",), "V", 0.1),
+    Kind(_AUTOTUNE, "Tune the gains automatically, and compare with the old ones", ("rounds",)),
+    Kind(_IDENTIFY, "Identify motors, friction and inertia; write a robot file", ("file",)),
 )
 """In the order of docs/guides/experiments.md, then autotune. Each moves the robot by itself."""
 
@@ -114,7 +118,7 @@ class Wanted:
         return experiments.disturbance(robot, push, self.room_m, tell)
 
 
-class _SaidEnoughError(Exception):
+class _ReportedError(Exception):
     """Ends a preview after the experiment has said what it needs, before it does anything."""
 
 
@@ -126,14 +130,18 @@ def catalogue(robot: Robot) -> list[dict[str, Any]]:
     wheels = [[number, f"wheel {number}"] for number in range(1, int(robot.parameters.known["WHEELS"]) + 1)]
     choices = {
         "wheel": {"key": "wheel", "label": "Wheel", "options": wheels},
-        "wheel or all": {"key": "wheel", "label": "Wheel", "options": [[_ALL, "all alike"], *wheels]},
+        "wheel number or all": {"key": "wheel", "label": "Wheel", "options": [[_ALL, "all wheels"], *wheels]},
         "axis": {"key": "axis", "label": "Axis", "options": [[axis, axis] for axis in AXES]},
-        "rounds": {"key": "rounds", "label": "Old and new in turns", "options": [list(option) for option in _ROUNDS]},
+        "rounds": {
+            "key": "rounds",
+            "label": "Comparison of old and new gains",
+            "options": [list(option) for option in _ROUNDS],
+        },
         "file": {"key": "file", "label": "Robot file", "options": [[name, name] for name in robot_names()]},
         "on_stand": {
             "key": "on_stand",
             "label": "The robot",
-            "options": [[False, "stands on the floor"], [True, "has its wheels in the air"]],
+            "options": [[False, "stands on the floor"], [True, "is on a stand, wheels lifted"]],
         },
     }
     room = {
@@ -158,7 +166,13 @@ def _signal(kind: Kind) -> list[dict[str, Any]]:
     if not kind.unit:
         return []
     size = {"key": "amplitude", "label": f"Amplitude [{kind.unit}]", "min": None, "max": None, "default": None}
-    time = {"key": "duration_s", "label": "Lasts [s]", "min": SHORTEST_S, "max": LONGEST_S, "default": kind.duration_s}
+    time = {
+        "key": "duration_s",
+        "label": "Duration [s]",
+        "min": SHORTEST_S,
+        "max": LONGEST_S,
+        "default": kind.duration_s,
+    }
     return [size, time]
 
 
@@ -166,29 +180,29 @@ def wanted_of(request: Request) -> Wanted:
     """Return what a page asks for. Raises BadRequestError."""
     name, axis, on_stand = request.get("name"), request.get("axis", AXES[0]), request.get("on_stand", False)
     if not isinstance(name, str) or name not in {kind.name for kind in KINDS}:
-        raise BadRequestError(f"there is no experiment {name!r}")
+        raise BadRequestError(f"unknown experiment {name!r}")
     if not isinstance(axis, str) or axis not in AXES:
-        raise BadRequestError(f"there is no axis {axis!r}")
+        raise BadRequestError(f"unknown axis {axis!r}")
     if not isinstance(on_stand, bool):
-        raise BadRequestError(f"on_stand has to be true or false, not {on_stand!r}")
+        raise BadRequestError(f"on_stand must be true or false, not {on_stand!r}")
     room_m, wheel = number_of(request, "room_m", USUAL_ROOM_M), number_of(request, "wheel", 1.0)
     if not SMALLEST_ROOM_M <= room_m <= LARGEST_ROOM_M:
-        raise BadRequestError(f"room_m has to be from {SMALLEST_ROOM_M:g} to {LARGEST_ROOM_M:g}, not {room_m:g}")
+        raise BadRequestError(f"room_m must be from {SMALLEST_ROOM_M:g} to {LARGEST_ROOM_M:g}, not {room_m:g}")
     if not wheel.is_integer():
-        raise BadRequestError(f"there is no wheel {wheel:g}")
+        raise BadRequestError(f"unknown wheel {wheel:g}")
     usual_s = next(kind.duration_s for kind in KINDS if kind.name == name)
     amplitude, duration_s = request.get("amplitude"), number_of(request, "duration_s", usual_s or SHORTEST_S)
     if not SHORTEST_S <= duration_s <= LONGEST_S:
-        raise BadRequestError(f"duration_s has to be from {SHORTEST_S:g} to {LONGEST_S:g}, not {duration_s:g}")
+        raise BadRequestError(f"duration_s must be from {SHORTEST_S:g} to {LONGEST_S:g}, not {duration_s:g}")
     size = math.nan if amplitude is None else number_of(request, "amplitude")
     if size == 0.0:
-        raise BadRequestError("an experiment's signal cannot have the size 0", hint="leave it empty: it is chosen then")
+        raise BadRequestError("the amplitude must not be 0", hint="leave it empty for the default")
     rounds = number_of(request, "rounds", _ROUNDS[0][0])
     if rounds not in {number for number, _ in _ROUNDS}:
-        raise BadRequestError(f"rounds has to be {', '.join(str(number) for number, _ in _ROUNDS)}, not {rounds:g}")
+        raise BadRequestError(f"rounds must be {', '.join(str(number) for number, _ in _ROUNDS)}, not {rounds:g}")
     file = request.get("file", "")
     if file not in (robot_names() if name == _IDENTIFY else ("",)):
-        raise BadRequestError(f"there is no robot file {file!r}")
+        raise BadRequestError(f"unknown robot file {file!r}")
     return Wanted(name, room_m, int(wheel), axis, on_stand, int(rounds), file, size, duration_s)
 
 
@@ -198,10 +212,10 @@ def needs_of(robot: Robot, wanted: Wanted) -> str:
 
     def tell(text: str) -> None:
         said.append(text)
-        raise _SaidEnoughError
+        raise _ReportedError
 
     try:
-        with suppress(_SaidEnoughError):
+        with suppress(_ReportedError):
             wanted.run(robot, tell)
     except LimitError as error:
         raise BadRequestError(in_words(error)) from error
@@ -268,7 +282,7 @@ class Experiment:
         except OmniError as error:
             self._trouble = in_words(error)
         except Exception as error:
-            self._trouble = f"a mistake in this program, please report it: {error!r}"
+            self._trouble = f"internal error, please report it: {error!r}"
             raise
 
     def _measured(self, robot: Robot, log: DriveLog) -> Outcome | Tuned | Identified:
@@ -280,12 +294,12 @@ class Experiment:
         robot.connection.recorder = log.write if recording is None else _both(recording, log.write)
         remove = robot.connection.add_listener(lambda _: self._note_phase(robot))
         try:
-            return self._wanted.run(robot, self._tell)
+            return self._wanted.run(robot, self._report_progress)
         finally:
             remove()
             robot.connection.recorder = recording
 
-    def _tell(self, text: str) -> None:
+    def _report_progress(self, text: str) -> None:
         if self._needs:
             self._step = text
         else:
@@ -345,7 +359,7 @@ class Experiments:
     def require_idle(self) -> None:
         """Raise BadRequestError while one is under way."""
         if self.running:
-            raise BadRequestError("an experiment is under way", hint="wait for its end, or end it by STOP or Disarm")
+            raise BadRequestError("an experiment is running", hint="wait for its end, or stop it with STOP or Disarm")
 
     def needs(self, session: Session, request: Mapping[str, Any]) -> Future[str]:
         """Return a future of what an experiment will use, in words. Raises BadRequestError as :meth:`start`."""
@@ -366,5 +380,5 @@ class Experiments:
         if robot is None or session.phase != "connected":
             raise BadRequestError("no robot is connected")
         if robot.status.armed:
-            raise BadRequestError("the robot is armed", hint="press Disarm: an experiment arms it itself")
+            raise BadRequestError("the robot is armed", hint="press Disarm: an experiment arms the robot itself")
         return wanted

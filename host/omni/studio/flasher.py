@@ -57,13 +57,13 @@ def firmware_of(request: Mapping[str, Any]) -> Firmware:
     """Return what a page asks for. Raises BadRequestError."""
     robot, file, port, blank = (request.get(key) for key in ("robot", "file", "port", "blank"))
     if not all(isinstance(text, str) for text in (robot, file, port)) or not isinstance(blank, bool):
-        raise BadRequestError("robot, file and port have to be texts, blank true or false")
+        raise BadRequestError("robot, file and port must be strings, blank true or false")
     if bool(robot) == bool(file):
         raise BadRequestError("choose a robot to build for, or the path of a .hex file")
     if robot and robot not in robot_names():
-        raise BadRequestError(f"there is no robot {robot!r}")
+        raise BadRequestError(f"unknown robot {robot!r}")
     if str(file).startswith("-") or str(port).startswith("-"):
-        raise BadRequestError("a file or port cannot begin with -")
+        raise BadRequestError("a file or port must not begin with -")
     return Firmware(str(robot), str(file), str(port), blank, request.get("new_wiring") is True)
 
 
@@ -105,8 +105,8 @@ class Flasher:
         def checked(said: dict[str, Any]) -> str:
             self._checked = Checked(firmware, said, _digest(said["file"]))
             if said["problem"]:
-                return f"The image is good. An upload would be refused now: {said['problem']}"
-            return f"The image is good: {said['size']} bytes for {said['board']}. Nothing was uploaded yet"
+                return f"The image is valid. An upload would be refused: {said['problem']}"
+            return f"The image is valid: {said['size']} bytes for {said['board']}. Not uploaded yet"
 
         self._begin(firmware.words(), checked, uploads=False)
 
@@ -117,11 +117,11 @@ class Flasher:
         be refused or has no loader, its file has changed since, or another firmware is being checked or uploaded.
         """
         if self._checked is None or self._checked.firmware != firmware:
-            raise BadRequestError("this was not checked yet", hint="press Check first")
+            raise BadRequestError("this firmware was not checked", hint="press Check first")
         self._require_free()
         said = self._checked.said
         if said["problem"]:
-            raise BadRequestError(f"the check found: {said['problem']}", hint="put that right, then press Check again")
+            raise BadRequestError(f"the check found: {said['problem']}", hint="correct it, then press Check again")
         if said.get("loader", PROGRAM) is None:
             raise BadRequestError(f"{PROGRAM} is not installed here", hint=f"{HOW_TO_GET_IT}, then press Check again")
         if _digest(said["file"]) != self._checked.digest:
@@ -195,7 +195,7 @@ class Flasher:
             else:
                 self._done = done(said)
         except (ValueError, KeyError, TypeError) as error:
-            self._trouble = f"omni flash said something that is not understood: {error!r}"
+            self._trouble = f"omni flash printed an unexpected line: {error!r}"
         finally:
             self._process = None
 

@@ -59,13 +59,13 @@ def identify(robot: Robot, file: str, room_m: float, tell: Callable[[str], None]
     side_m = room_of(robot)
     if side_m > room_m:
         raise LimitError(
-            f"it needs a square of {side_m:.1f} m; {room_m:g} m are there",
-            hint="`omni identify live` takes shorter parts; autotune needs less room",
+            f"it needs a free square of {side_m:.1f} m; {room_m:g} m are free",
+            hint="`omni identify live` takes shorter segments; autotune needs less room",
         )
     profiles = appendix_d(layout.angle_rad, DURATION_S)
     tell(
         f"drives circles and spins for {len(profiles) * DURATION_S:.0f} s in a square of about {side_m:.1f} m, at"
-        f" {100 * CIRCLE_DUTY:.0f} % of the supply. Nothing holds it on its way, so stand by"
+        f" {100 * CIRCLE_DUTY:.0f} % of the supply. No controller holds it on its path: stand by"
     )
     return Identified(base, excite(robot, profiles, tell))
 
@@ -82,7 +82,7 @@ def _known(base: RobotFile) -> Known:
     """Return what a scale and an ohm-meter say, from the robot file. Raises LimitError if it has no mass."""
     mass_kg = base.simulation.get("mass_kg")
     if not isinstance(mass_kg, int | float):
-        raise LimitError(f"{base.name} has no simulation.mass_kg", hint="weigh the robot and write it there")
+        raise LimitError(f"{base.name} has no simulation.mass_kg", hint="weigh the robot and add its mass to the file")
     motor = base.motor
     numbers = (motor["resistance_ohm"], motor["inductance_H"], motor["constant_N_m_A"])
     return Known(float(mass_kg), *(float(number) for number in numbers))
@@ -91,6 +91,7 @@ def _known(base: RobotFile) -> Known:
 def _remarks(found: Identification) -> list[str]:
     shown = found.diagnostics
     return [
-        f"{100 * shown.fit:.2f} % of the wheels' speeds are explained; {1e3 * shown.rmse_rad_s:.1f} mrad/s are left.",
+        f"{100 * shown.fit:.2f} % of the wheels' speeds are explained; {1e3 * shown.rmse_rad_s:.1f} mrad/s RMS "
+        "residual.",
         *found.remarks,
     ]

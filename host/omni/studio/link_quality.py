@@ -66,7 +66,7 @@ class LinkQuality:
     def state(self) -> dict[str, Any]:
         """Return ``lost``, a share of the robot's frames, and ``round_trip_ms``; None where nothing is known.
 
-        ``asking`` is false while an experiment or a bring-up has the link: then nobody asks for the round trip.
+        ``asking`` is false while an experiment or a bring-up has the link: then the round trip is not measured.
         ``pace`` is how fast the robot's clock runs beside this computer's: below 1 for a simulation that is too slow.
         ``budget_B_s`` is what the robot may send: LINK1_BUDGET, or at a slow serial port what its radio's line takes.
         """

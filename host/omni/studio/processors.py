@@ -6,15 +6,15 @@ from __future__ import annotations
 from importlib.util import find_spec
 from typing import Any
 
-from omni.studio.words import in_words
+from omni.studio.error_text import in_words
 from omniwheel.errors import OmniError
 from omniwheel.flashing.source import source_dir
 
 PC, EMULATED, IMAGE = "pc", "emulated", "image"
 WORDS = {
-    PC: "as a process of this computer",
+    PC: "as a process on this computer",
     EMULATED: "on an emulated Cortex-M7 (QEMU)",
-    IMAGE: "as the flashed image, on an emulated Teensy 4.0",
+    IMAGE: "as a firmware image, on an emulated Teensy 4.0",
 }
 SHORT = {PC: "", EMULATED: "emulated Cortex-M7", IMAGE: "flashed image, emulated"}
 _IMAGE_PACKAGES = {"unicorn": "unicorn", "elftools": "pyelftools", "intelhex": "intelhex"}

@@ -68,7 +68,7 @@ def run_folder(root: Path, name: str) -> Path:
     """Return a run's folder below ``root``. Raises LogError for every other path and for links that lead outside."""
     folder = root / name
     if not 0 < len(name) <= LONGEST_NAME or "\0" in name or Path(name).name != name or not _is_inside(root, folder):
-        raise LogError(f"there is no run {name!r} in {root}", hint=_HINT)
+        raise LogError(f"unknown run {name!r} in {root}", hint=_HINT)
     return folder
 
 

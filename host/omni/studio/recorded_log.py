@@ -102,7 +102,7 @@ class RecordedLog:
         try:
             self._file = os.open(path, os.O_RDONLY)
         except OSError as error:
-            raise LogError(f"{path.name}: {error.strerror}", hint="is it still there?") from error
+            raise LogError(f"{path.name}: {error.strerror}", hint="check that the file still exists") from error
         try:
             self._read()
         except BaseException:
@@ -131,7 +131,7 @@ class RecordedLog:
         self.lost_bytes += size - at
         self._starts = clock.starts
         if not frames:
-            raise LogError(f"{self.path.name} is no telemetry log: there is no MAVLink 2 frame in it", hint=_HINT)
+            raise LogError(f"{self.path.name} is not a telemetry log: it has no MAVLink 2 frame", hint=_HINT)
         if not self._overviews:
             raise LogError(f"{self.path.name} holds no telemetry of a robot with this firmware", hint=_HINT)
         self.end_s = max(float(np.max(overview.all()[0])) for overview in self._overviews.values())
@@ -191,7 +191,7 @@ class RecordedLog:
         """Return every sample of these signals between two times. Raises LogError for too long a stretch."""
         pieces = self._pieces(begin_s, end_s)
         if pieces is None:
-            raise LogError("this stretch of the log is too long for that", hint="choose a shorter one with the mouse")
+            raise LogError("the selected interval of the log is too long", hint="select a shorter one with the mouse")
         return [self._trace(signal, begin_s, end_s, pieces) for signal in self._wanted(keys)]
 
     def path_s(self) -> float | None:
@@ -250,7 +250,7 @@ class RecordedLog:
         return piece
 
 
-_HINT = "give a .tlog file, as `omni record`, `omni drive` and the studio write it"
+_HINT = "give a .tlog file, written by `omni record`, `omni drive` or the studio"
 _SEQUENCE = "control.config_sequence"
 _PATH_TIME = "tracking.path_time"
 _POSE = ("tracking.pose.x", "tracking.pose.y", "tracking.pose.theta")

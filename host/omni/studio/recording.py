@@ -17,8 +17,8 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from omni.studio.error_text import in_words
 from omni.studio.session import Session
-from omni.studio.words import in_words
 from omni.studio.worker import Worker
 from omniwheel import parameter_file
 from omniwheel.drive_log.folder import BEFORE_FILE, TLOG_FILE, Drive, write_drive, write_with_figures
@@ -161,7 +161,8 @@ class Recorder:
                 self._recording.wait()  # it may be at its last lines
                 if self._recording.on:
                     raise OutputFileError(
-                        "the disk has not taken the recording before yet", hint="try again, or choose another folder"
+                        "the previous recording is still being written to disk",
+                        hint="try again, or choose another folder",
                     )
             self._recording, self._trouble = None, ""
             self._recording = Recording(self.root, session, self._ended)
@@ -204,13 +205,13 @@ class Recorder:
             self._figures = self._worker.ask(complete, recording.folder, drive)
             self._figures.add_done_callback(self._completed)
         except (OmniError, RuntimeError) as error:  # the worker has ended with the server
-            self._trouble = f"the recording has no figures: {error}"
+            self._trouble = f"no metrics for the recording: {error}"
 
     def _completed(self, figures: Future[None]) -> None:
         self._completed_count += 1
         error = None if figures.cancelled() else figures.exception()
         if error is not None:
-            self._trouble = f"the recording has no figures: {error}"
+            self._trouble = f"no metrics for the recording: {error}"
 
 
 def complete(folder: Path, drive: Drive) -> None:

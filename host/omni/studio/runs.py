@@ -18,8 +18,8 @@ from starlette.routing import Route
 from omni.studio import reading
 from omni.studio.access import Access
 from omni.studio.actions import BadRequestError, keys_of, number_of, parse_request
+from omni.studio.error_text import hint_of
 from omni.studio.studio import Page, Studio
-from omni.studio.words import hint_of
 from omni.studio.worker import Worker
 from omniwheel.errors import LogError, OmniError
 
@@ -72,7 +72,7 @@ class Runs:
     async def _list(self, _page: Page, request: Mapping[str, Any]) -> Any:
         text = request.get("find", "")
         if not isinstance(text, str):
-            raise BadRequestError("find has to be a text")
+            raise BadRequestError("find must be a string")
         found = await _answer(self._studio.worker.ask(reading.listing, self._studio.recorder.root, text))
         return {**found, "largest_upload": LARGEST_UPLOAD}
 
@@ -123,10 +123,10 @@ class Runs:
         async for part in request.stream():
             content += part
             if len(content) > LARGEST_REQUEST:
-                raise BadRequestError("that request is too long")
+                raise BadRequestError("the request is too long")
         wanted = parse_request(content)
         if not isinstance(wanted, dict):
-            raise BadRequestError("that is no request of this page")
+            raise BadRequestError("malformed request")
         keys = keys_of(wanted)
         width = min(max(int(number_of(wanted, "width", 1000.0)), _WIDTHS[0]), _WIDTHS[1])
         begin_s, end_s = number_of(wanted, "begin_s"), number_of(wanted, "end_s")
@@ -139,7 +139,7 @@ class Runs:
         if said.isdigit() and int(said) > LARGEST_UPLOAD:
             raise _too_large()
         if self._uploading >= MOST_UPLOADS:
-            raise LogError(f"{MOST_UPLOADS} files are being sent already", hint="wait for one of them")
+            raise LogError(f"{MOST_UPLOADS} files are being uploaded already", hint="wait for one of them")
         if self._folder is None:
             self._folder = tempfile.TemporaryDirectory(prefix="omniwheel-studio-")
         self._count += 1
@@ -166,7 +166,9 @@ class Runs:
             return await _answer(self._studio.worker.ask(reading.run_log, self._studio.recorder.root, name))
         if kind == "file" and log in self._uploads:
             return self._uploads[log]
-        raise LogError("this log is not open any more", hint=f"open it again: {MOST_UPLOADS} files are kept at once")
+        raise LogError(
+            "this log is no longer open", hint=f"open it again: only the last {MOST_UPLOADS} uploads are kept"
+        )
 
 
 async def _received(request: Request, file: IO[bytes]) -> None:
@@ -180,24 +182,22 @@ async def _received(request: Request, file: IO[bytes]) -> None:
             await asyncio.to_thread(file.write, part)
         await asyncio.to_thread(file.flush)
     except asyncio.TimeoutError as error:
-        raise LogError(f"the upload timed out: no data for {UPLOAD_TIMEOUT_S:g} s", hint="send it again") from error
+        raise LogError(f"the upload timed out: no data for {UPLOAD_TIMEOUT_S:g} s", hint="upload it again") from error
     except OSError as error:
-        raise LogError(
-            f"there is no room for this file: {error.strerror}", hint="free some space on the disk"
-        ) from error
+        raise LogError(f"cannot store this file: {error.strerror}", hint="free some space on the disk") from error
 
 
 def _too_large() -> LogError:
     most = f"{LARGEST_UPLOAD >> 20} MB"
     return LogError(
-        f"this file is larger than {most}", hint="record shorter pieces; runs of the folder may have any size"
+        f"this file is larger than {most}", hint="record shorter runs; logs in the runs folder may have any size"
     )
 
 
 def _text(request: Mapping[str, Any], name: str) -> str:
     value = request.get(name)
     if not isinstance(value, str):
-        raise BadRequestError(f"{name} has to be a run's name")
+        raise BadRequestError(f"{name} must be a run's name")
     return value
 
 

@@ -28,6 +28,7 @@ from omni.studio import experiments
 from omni.studio.access import Access
 from omni.studio.actions import ACTIONS, BadRequestError, keys_of, number_of, parse_request
 from omni.studio.bringup_walk import wiring_picture
+from omni.studio.error_text import hint_of
 from omni.studio.outbox import Outbox
 from omni.studio.parameter_view import values_as_json
 from omni.studio.processors import IMAGE, PC, WORDS, processors
@@ -35,7 +36,6 @@ from omni.studio.runs import Runs
 from omni.studio.samples import MOST_NUMBER
 from omni.studio.simulated import Simulation
 from omni.studio.studio import Page, Studio
-from omni.studio.words import hint_of
 from omniwheel import parameter_file
 from omniwheel.default_system import LAST_SYSTEM
 from omniwheel.errors import OmniError
@@ -45,7 +45,7 @@ from omniwheel.ports import serial_ports
 from omniwheel.robots import robot_names
 
 PAGE_DIR = Path(__file__).parent / "page"
-_STOP_FIRST = "not done: a stop came first"
+_STOP_FIRST = "not done: cancelled by a stop"
 _OWN_ERROR = 1011
 """WebSocket's number for an error of the server's own."""
 _LOG = logging.getLogger(__name__)
@@ -138,7 +138,7 @@ class StudioServer:
     async def _picture(self, request: Request) -> Response:
         picture = self.studio.experiments.picture
         if picture is None or not picture.is_file():
-            return self._refusal(request) or PlainTextResponse("there is no experiment yet\n", 404)
+            return self._refusal(request) or PlainTextResponse("no experiment was run yet\n", 404)
         return self._refusal(request) or FileResponse(picture, media_type="image/png", headers=_SECURITY)
 
     async def _wiring(self, request: Request) -> Response:
@@ -192,7 +192,7 @@ class StudioServer:
             await self._send_all(socket, page, outbox)
         except Exception:
             if socket.application_state is WebSocketState.CONNECTED:
-                _LOG.exception("a page could not be told what is new")
+                _LOG.exception("sending an update to a page failed")
                 with suppress(Exception):
                     await socket.close(_OWN_ERROR)
 
@@ -219,12 +219,12 @@ class StudioServer:
             request = None
         action = request.get("do") if isinstance(request, dict) else None
         if outbox.is_full and action not in ("stop", "disarm"):
-            return  # nobody would read the refusal
+            return  # no client to read the rejection
         if not isinstance(action, str):
-            outbox.put(json.dumps({"error": "that is no request of this page"}))
+            outbox.put(json.dumps({"error": "malformed request"}))
             return
         if action not in ("stop", "disarm") and len(waiting) >= MOST_WAITING:
-            outbox.put(_answer(request, error="too many requests at once"))
+            outbox.put(_answer(request, error="too many pending requests"))
             return
         if action in ("stop", "disarm"):
             await self._answered(page, action, request, outbox)
@@ -258,8 +258,8 @@ class StudioServer:
             return
         except Exception as error:
             _LOG.exception("%s failed", action)
-            words = f"the studio has an error of its own in {action!r}: {type(error).__name__}: {error}"
-            outbox.put(_answer(request, error=words, hint="its details stand where omni studio was started"))
+            words = f"internal error in {action!r}: {type(error).__name__}: {error}"
+            outbox.put(_answer(request, error=words, hint="the terminal of omni studio has the details"))
             return
         if isinstance(result, bytes):
             if result:
@@ -284,7 +284,7 @@ class StudioServer:
     async def _show(self, page: Page, request: Mapping[str, Any]) -> bytes:
         number = int(number_of(request, "number", 0.0))
         if not 0 <= number <= MOST_NUMBER:
-            raise BadRequestError(f"number has to be from 0 to {MOST_NUMBER}, not {number}")
+            raise BadRequestError(f"number must be from 0 to {MOST_NUMBER}, not {number}")
         keys, span_s = keys_of(request), number_of(request, "span_s", 10.0)
         return await self._compute_samples(lambda: self.studio.show(page, keys, span_s, number))
 
@@ -316,10 +316,10 @@ class StudioServer:
     async def _connect(self, page: Page, request: Mapping[str, Any]) -> None:
         url = request.get("url")
         if not isinstance(url, str) or not url:
-            raise BadRequestError("which robot? an address is missing", hint="like /dev/ttyACM0 or tcp:127.0.0.1:5760")
+            raise BadRequestError("the robot's address is missing", hint="like /dev/ttyACM0 or tcp:127.0.0.1:5760")
         system_id = None if request.get("system") is None else int(number_of(request, "system"))
         if system_id is not None and not 1 <= system_id <= LAST_SYSTEM:
-            raise BadRequestError(f"system id {system_id}: allowed is 1..{LAST_SYSTEM}")
+            raise BadRequestError(f"system id {system_id}; must be from 1 to {LAST_SYSTEM}")
         await self._change(page, lambda: self.studio.connect(url, system_id))
 
     async def _disconnect(self, page: Page, _request: Mapping[str, Any]) -> None:
@@ -328,14 +328,14 @@ class StudioServer:
     async def _simulate(self, page: Page, request: Mapping[str, Any]) -> None:
         scenario, robot = request.get("scenario"), request.get("robot")
         if not isinstance(scenario, str) or scenario not in await asyncio.to_thread(self._scenarios):
-            raise BadRequestError(f"there is no scenario {scenario!r}")
+            raise BadRequestError(f"unknown scenario {scenario!r}")
         if robot is not None and robot not in robot_names():
-            raise BadRequestError(f"there is no robot {robot!r}")
+            raise BadRequestError(f"unknown robot {robot!r}")
         processor, image = request.get("processor", PC), request.get("image") or ""
         if not isinstance(processor, str) or processor not in WORDS:
-            raise BadRequestError(f"there is no processor {processor!r}")
+            raise BadRequestError(f"unknown processor {processor!r}")
         if not isinstance(image, str) or (processor == IMAGE) != bool(image):
-            raise BadRequestError("which image? a file's path is missing", hint="build one: make firmware")
+            raise BadRequestError("the image's path is missing", hint="build one: make firmware")
         wanted = Simulation(str(scenario), robot, int(number_of(request, "seed", 1.0)), processor, image)
         await self._change(page, lambda: self.studio.simulate(wanted))
 
@@ -398,7 +398,7 @@ def _file_of(folder: Path, name: str) -> Response:
     path = folder / name
     is_page = path.parent == folder and path.suffix in _TYPES and len(name.encode()) <= _LONGEST_NAME
     if not is_page or not path.is_file():
-        return PlainTextResponse("there is no such file\n", 404)
+        return PlainTextResponse("file not found\n", 404)
     return FileResponse(path, media_type=_TYPES[path.suffix], headers=_SECURITY)
 
 

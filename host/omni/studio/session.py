@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from omni.studio.edits import Edits
+from omni.studio.error_text import in_words
 from omni.studio.link_quality import LinkQuality
 from omni.studio.marks import Marks
 from omni.studio.samples import SampleStore
 from omni.studio.signals import KINDS
 from omni.studio.urgent_link import UrgentLink
-from omni.studio.words import in_words
 from omni.studio.work_queue import DISARM, SETPOINT, STOP, WorkQueue
 from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
@@ -40,7 +40,7 @@ _PUMP_S = 0.01
 _SILENT_S = 5.0
 """Without a heartbeat for so long, the robot counts as gone."""
 _LONGEST_LISTENED_S = 0.5
-"""A pass of the loop counts as no more listening than this: a computer that stood still has heard nobody."""
+"""Largest listening time counted for one pass of the loop, so that a suspended computer counts no silence."""
 PAGE_SILENT_S = 2.0
 """A page that says nothing for so long is closed, frozen or lost."""
 TEXTS_KEPT = 200
@@ -87,7 +87,7 @@ def end_telemetry(robot: Robot) -> None:
 
 
 class _Silence:
-    """How long a robot has been silent while somebody listened.
+    """Time for which a robot was silent while the studio listened.
 
     A computer that was suspended, or given to other programs, finds an old heartbeat when it wakes up. The robot's
     newer ones may wait in the link, or the robot was simulated and stood still, too.
@@ -106,7 +106,7 @@ class _Silence:
 
 
 class WorkEndedError(LinkError):
-    """Long work was ended from outside: by a stop, or because the page that commands is gone."""
+    """Long work was ended from outside: by a stop, or because the page in command was closed."""
 
 
 class Session:
@@ -173,7 +173,7 @@ class Session:
     def do(self, work: Callable[[Robot], T], *, is_setpoint: bool = False) -> Future[T]:
         """Have ``work`` done by the robot's thread, after what was asked for before.
 
-        A set-point that still waits when a newer one comes is left out.
+        A setpoint that still waits when a newer one comes is left out.
         """
         if self.phase == "connected":
             return self._work.put(work, kind=SETPOINT if is_setpoint else "")
@@ -208,7 +208,7 @@ class Session:
         """Give every frame of this connection to ``recorder`` from now on; return the robot. Raises LinkLostError."""
         robot, link = self.robot, self._link
         if robot is None or link is None or self.phase != "connected":
-            raise LinkLostError("no robot is connected", hint="choose one at the top of the page")
+            raise LinkLostError("no robot is connected", hint="connect to one at the top of the page")
         link.interrupt(lambda: setattr(robot.connection, "recorder", recorder))
         return robot
 
@@ -245,7 +245,7 @@ class Session:
             except Exception as error:
                 _LOG.exception("the robot's thread failed")
                 self.phase = "lost"
-                self.trouble = f"an error of the studio's own: {type(error).__name__}: {error}"
+                self.trouble = f"internal error: {type(error).__name__}: {error}"
             finally:
                 self.robot = self._link = self.quality = None
                 self._work.drop()
@@ -273,9 +273,9 @@ class Session:
             self.quality = quality = LinkQuality(robot)
             silence = _Silence()
             while not self._closing.is_set():
-                self._mind_the_page(robot)
+                self._stop_if_page_is_gone(robot)
                 self._watch_drive(robot)
-                self._mind_the_sensors(robot)
+                self._update_sensor_streams(robot)
                 self._do_next(robot)
                 quality.serve()
                 now_s = time.monotonic()
@@ -288,9 +288,9 @@ class Session:
                     self.mark_changes += self.marks.overdue(self.store.now_s) is not None
             end_telemetry(robot)
 
-    def _mind_the_page(self, robot: Robot) -> None:
+    def _stop_if_page_is_gone(self, robot: Robot) -> None:
         """Send heartbeats only while the page lives that moves the robot: a dead page is a lost link to the robot."""
-        mute = self._page_is_lost() and robot.status.armed
+        mute = self._lost_page_in_command() and robot.status.armed
         connection = robot.connection
         if mute:
             connection.next_heartbeat_s = float("inf")
@@ -298,7 +298,7 @@ class Session:
             connection.next_heartbeat_s = connection.clock()
 
     def _watch_drive(self, robot: Robot) -> None:
-        """Note why the drive that was begun here is over; set-points are refused then."""
+        """Note why the drive that was begun here is over; setpoints are refused then."""
         try:
             robot.guard.check()
         except StoppedError as error:
@@ -306,7 +306,7 @@ class Session:
         else:
             self.drive_ended = ""
 
-    def _mind_the_sensors(self, robot: Robot) -> None:
+    def _update_sensor_streams(self, robot: Robot) -> None:
         """A parameter says whether the robot has a sensor, and may be set while it is connected."""
         parameters = robot.parameters
         if not parameters.complete or sensors_of(parameters.known) == self.sensors:
@@ -315,23 +315,23 @@ class Session:
         self.sensors = sensors_of(parameters.known)
         ask_for(robot, self.sensors, RADIO_RATE_HZ if is_slow(robot.url) else PLOT_RATE_HZ)
 
-    def _page_is_lost(self) -> bool:
+    def _lost_page_in_command(self) -> bool:
         return self.page_commands and time.monotonic() - self.page_heard_s > PAGE_SILENT_S
 
     def _do_long(self, robot: Robot, work: Callable[[Robot], T]) -> T:
         link = self._link
         assert link is not None
-        self._long_work, link.between = True, self._mind_long_work
+        self._long_work, link.between = True, self._supervise_long_work
         try:
             return work(robot)
         finally:
             self._long_work, link.between = False, None
 
-    def _mind_long_work(self) -> None:
+    def _supervise_long_work(self) -> None:
         if self._closing.is_set():
-            self._end_long_work("the studio let go of the robot")
-        if self._page_is_lost():
-            self._end_long_work("the page that commands is gone")
+            self._end_long_work("the studio disconnected from the robot")
+        if self._lost_page_in_command():
+            self._end_long_work("the page in command was closed")
 
     def _end_long_work(self, why: str) -> None:
         if self._long_work:
@@ -396,7 +396,7 @@ class Session:
 
     def _say_other(self, system: int) -> None:
         if self._system_id is None:
-            self._say(f"another robot, system id {system}, is on this line: its commands are not from here")
+            self._say(f"another robot, system id {system}, is on this link, commanded by another program")
 
     def _say(self, text: str) -> None:
         with self.lock:

@@ -119,7 +119,7 @@ def require_possible(keys: Iterable[str], possible: Collection[str]) -> None:
         if key not in possible:
             quote = key[:_LONGEST_QUOTE]
             near = difflib.get_close_matches(quote, possible, 1)
-            raise UnknownSignalError(f"there is no signal {quote!r}", hint=f"did you mean {near[0]}?" if near else "")
+            raise UnknownSignalError(f"unknown signal {quote!r}", hint=f"did you mean {near[0]}?" if near else "")
 
 
 def signals_as_json(signals: Iterable[Signal], existing: Collection[str]) -> list[dict[str, Any]]:

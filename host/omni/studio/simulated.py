@@ -97,7 +97,7 @@ class SimulatedRobot:
         """
         if self.catalogue is None:
             raise BadRequestError(
-                "the world around the flashed image takes no commands", hint="choose another processor"
+                "the world around an emulated image cannot be changed", hint="choose another processor"
             )
         line = json.dumps(_command(self.catalogue, request)) + "\n"
         assert self._process.stdin is not None
@@ -105,7 +105,7 @@ class SimulatedRobot:
         try:
             os.write(self._process.stdin.fileno(), line.encode())  # so short a line goes whole or not at all
         except (OSError, ValueError) as error:  # full, broken or closed
-            raise LinkError("the simulated world takes no commands", hint="start the simulation anew") from error
+            raise LinkError("the simulated world does not accept commands", hint="restart the simulation") from error
 
     def state(self) -> dict[str, Any] | None:
         """Return what is on in the world, its speed, and what it said last against a command; None if it takes none."""
@@ -152,18 +152,18 @@ def _command(catalogue: Mapping[str, Any], request: Mapping[str, Any]) -> dict[s
     if "speed" in request:
         speed = request["speed"]
         if isinstance(speed, bool) or speed not in catalogue["speeds"]:
-            raise BadRequestError(f"the simulation does not run at {speed!r} times real time")
+            raise BadRequestError(f"unsupported simulation speed: {speed!r} times real time")
         return {"speed": speed}
     name, wheel, on = (request.get(key) for key in ("fault", "wheel", "on"))
     fault = next((one for one in catalogue["faults"] if one["name"] == name), None)
     if fault is None:
-        raise BadRequestError(f"nothing called {name!r} can be broken here")
+        raise BadRequestError(f"unknown fault {name!r}")
     if not isinstance(on, bool):
-        raise BadRequestError(f"on has to be true or false, not {on!r}")
+        raise BadRequestError(f"on must be true or false, not {on!r}")
     if not fault["wheels"]:
         return {"fault": name, "on": on}
     if isinstance(wheel, bool) or wheel not in fault["wheels"]:
-        raise BadRequestError(f"there is no wheel {wheel!r}")
+        raise BadRequestError(f"unknown wheel {wheel!r}")
     return {"fault": name, "wheel": wheel, "on": on}
 
 

@@ -33,7 +33,7 @@ _TRUTH = (
 )
 _ON_PATH = 2
 """omni_trajectory_phase_t: 0 none, 1 lead-in, 2 path, 3 done."""
-_DOC = "What the simulated world knows and no robot does."
+_DOC = "True value in the simulated world, unknown to the robot."
 
 
 def _truth(words: str, part: str, unit: str) -> Signal:
@@ -60,7 +60,7 @@ class SimulatedLog:
             self._time_s = np.asarray(samples["time_s"], dtype=np.float64)
             self._phase = np.asarray(samples["phase"])
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise LogError(f"{path.parent.name} cannot be read: {error}", hint="run it again") from error
+            raise LogError(f"{path.parent.name} cannot be read: {error}", hint="repeat the run") from error
         self.start_s, self.end_s = float(self._time_s[0]), float(self._time_s[-1])
         self.lost_bytes = self.bad_frames = 0
 

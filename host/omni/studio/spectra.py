@@ -56,17 +56,19 @@ def spectrum(trace: Trace) -> Spectrum:
     """
     time_s, keep = np.unique(trace.time_s, return_index=True)
     if len(time_s) < LEAST_SAMPLES:
-        hint = "wait for more, choose a longer stretch, or a higher rate under Samples"
-        raise TooFewSamplesError(f"{trace.key} has {len(time_s)} samples here; {LEAST_SAMPLES} are needed", hint=hint)
+        hint = "wait, select a longer interval, or choose a higher rate under Samples"
+        raise TooFewSamplesError(
+            f"{trace.key} has {len(time_s)} samples in this interval; {LEAST_SAMPLES} are needed", hint=hint
+        )
     step_s = float(np.median(np.diff(time_s)))
     count = 1 + round((time_s[-1] - time_s[0]) / step_s)
     if count > MOST_SAMPLES:
-        hint = "choose a stretch without long gaps"
+        hint = "select an interval without gaps"
         raise TooFewSamplesError(f"{trace.key} has too few samples for {time_s[-1] - time_s[0]:.0f} s", hint=hint)
     gap_s = float(np.max(np.diff(time_s)))
     if gap_s > max(LONGEST_GAP_S, LONGEST_GAP * step_s):
-        text = f"{trace.key} has a gap of {gap_s:.1f} s here: the robot restarted, or nothing was heard of it"
-        raise TooFewSamplesError(text, hint="choose a stretch without long gaps")
+        text = f"{trace.key} has a gap of {gap_s:.1f} s here: the robot restarted, or the link was interrupted"
+        raise TooFewSamplesError(text, hint="select an interval without gaps")
     even_s = time_s[0] + step_s * np.arange(count)
     value = np.interp(even_s, time_s, trace.value[keep].astype(np.float64))
     value = value - np.polyval(np.polyfit(even_s - even_s[0], value, 1), even_s - even_s[0])

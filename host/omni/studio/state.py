@@ -11,7 +11,7 @@ from typing import Any
 from omni.studio.session import Session
 from omniwheel._core import lib
 from omniwheel.capability.speeds import top_speed, top_turn_rate
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 from omniwheel.robot import Robot
 from omniwheel.sensor_quality import Sensor, shown
 from omniwheel.status import RobotStatus

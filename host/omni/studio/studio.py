@@ -106,7 +106,7 @@ class Studio:
         return page
 
     def close_page(self, page: Page) -> None:
-        """A page has gone. If it commanded, nobody does until another takes over: the robot is not handed on."""
+        """Handle a page's end. If it was in command, no page is until one takes over."""
         self.pages.remove(page)
         if self.commanding is page:
             self.commanding = None
@@ -188,19 +188,19 @@ class Studio:
     def require_command(self, page: Page) -> None:
         """Raise BadRequestError for a page that only watches."""
         if page is not self.commanding:
-            raise BadRequestError("another page commands", hint="press Take over first")
+            raise BadRequestError("another page is in command", hint="press Take over first")
 
     def require_session(self) -> Session:
         """Return the session with a robot. Raises BadRequestError."""
         if self.session is None:
-            raise BadRequestError("no robot is connected", hint="choose one at the top of the page")
+            raise BadRequestError("no robot is connected", hint="connect to one at the top of the page")
         return self.session
 
     def change_world(self, page: Page, request: Mapping[str, Any]) -> None:
         """Break or mend something in the simulated world, or change its speed. Raises BadRequestError, LinkError."""
         self.require_command(page)
         if self.simulated is None:
-            raise BadRequestError("the robot is not simulated here")
+            raise BadRequestError("the robot is not simulated by this studio")
         if "speed" in request:
             self.experiments.require_idle()
             self.bring_up.require_idle()
@@ -246,7 +246,7 @@ class Studio:
         """Have the robot do one of :data:`ACTIONS`. Raises BadRequestError."""
         work = ACTIONS.get(action)
         if work is None:
-            raise BadRequestError(f"there is nothing called {action!r} to do")
+            raise BadRequestError(f"unknown action {action!r}")
         if action not in FOR_EVERY_PAGE:
             self.require_command(page)
         session = self.require_session()
@@ -430,7 +430,7 @@ class Studio:
 
     def _who_commands(self, page: Page | None) -> str:
         if self.commanding is None:
-            return "nobody"
+            return "no page"
         return "this page" if self.commanding is page else self.commanding.name
 
 

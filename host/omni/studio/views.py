@@ -28,9 +28,9 @@ def checked_view(view: Any) -> dict[str, Any]:
     if not isinstance(plots, list) or len(plots) > MOST_PLOTS or not all(map(_is_plot, plots)):
         raise BadRequestError(f"a view is at most {MOST_PLOTS} plots of at most {MOST_KEYS} signals")
     if isinstance(span_s, bool) or not isinstance(span_s, int | float) or not math.isfinite(span_s):
-        raise BadRequestError("a view's span has to be a number")
+        raise BadRequestError("a view's span must be a number")
     if not 0.0 < span_s <= _LONGEST_S:
-        raise BadRequestError(f"a view's span has to be more than 0 and at most {_LONGEST_S:g} s")
+        raise BadRequestError(f"a view's span must be more than 0 and at most {_LONGEST_S:g} s")
     return {"plots": [{"keys": plot["keys"], "xy": plot["xy"]} for plot in plots], "span_s": float(span_s)}
 
 

@@ -14,7 +14,7 @@ from omniwheel.errors import LinkError
 from omniwheel.robot import Robot
 
 T = TypeVar("T")
-SETPOINT, DISARM, STOP = "set-point", "disarm", "stop"
+SETPOINT, DISARM, STOP = "setpoint", "disarm", "stop"
 """Kinds of work of which only the newest waits."""
 
 
@@ -28,7 +28,7 @@ class Work:
 
 
 class WorkQueue:
-    """First in, first out. Of set-points only the newest waits: a robot must not follow old ones, one by one.
+    """First in, first out. Of setpoints only the newest waits: a robot must not follow old ones, one by one.
 
     Stops that wait for their confirmation are never dropped.
     """
@@ -51,7 +51,7 @@ class WorkQueue:
         return work.future
 
     def get(self) -> Work | None:
-        """Take the oldest that somebody still waits for, None if there is none."""
+        """Return the oldest job that was not abandoned, None if there is none."""
         while True:
             with self._lock:
                 if not self._waiting:
@@ -68,4 +68,4 @@ class WorkQueue:
                 self._waiting.remove(work)
         for work in dropped:
             if work.future.set_running_or_notify_cancel():
-                work.future.set_exception(LinkError("not done: a stop came first, or the link was lost"))
+                work.future.set_exception(LinkError("not done: cancelled by a stop or by loss of the link"))

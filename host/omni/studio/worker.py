@@ -36,7 +36,7 @@ class Worker:
     def ask(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
         """Have a function called. The future raises its OmniError, or LogError if the process ended meanwhile."""
         if self._waiting >= MOST_WAITING:
-            raise LogError("too much is being read at once", hint="try again in a moment")
+            raise LogError("too many logs are being read", hint="try again in a moment")
         self._waiting += 1
         future = self._thread.submit(self._exchange, function, arguments)
         future.add_done_callback(self._done)
@@ -60,7 +60,7 @@ class Worker:
         except (EOFError, OSError) as error:
             self._pipe = None
             raise LogError(
-                "the process that reads logs has ended", hint="is the computer short of memory? try again"
+                "the process that reads logs has ended", hint="check the free memory and try again"
             ) from error
         if error is not None:
             raise error
@@ -90,5 +90,5 @@ def _serve(pipe: Connection[Any, Any]) -> None:
             except OmniError as error:
                 answer = (None, error)
             except Exception as error:  # such as a MemoryError: it is said, and the next log is read
-                answer = (None, LogError(f"this cannot be read: {error!r}"))
+                answer = (None, LogError(f"cannot be read: {error!r}"))
             pipe.send(answer)

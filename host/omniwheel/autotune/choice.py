@@ -72,8 +72,8 @@ def choose(shown: Shown, design: Design, required: Requirements, prefer: Prefer)
     if better and shown.whole and not looks_worse:
         return Choice(True, seen)
     if better and not worse and looks_worse:
-        seen = f"{seen}, but {_seen(looks_worse)}, as far as noise lets see"
-    remedy = f". But the old values lack margin: {lacking}. --prefer margin takes the new ones" if lacking else ""
+        seen = f"{seen}, but {_seen(looks_worse)}, within the noise"
+    remedy = f", but the old values lack margin: {lacking}. --prefer margin selects the new ones" if lacking else ""
     return Choice(False, seen + remedy)
 
 
@@ -85,9 +85,9 @@ def _lost(looks_better: Sequence[Verdict], unknown: Mapping[str, float]) -> str:
     """Return why there is no reason."""
     kinds = [v.kind for v in looks_better if unknown.get(v.kind.key, 0.0) > 0.0]
     if not kinds:
-        return f"no figure is better by more than {WORTH:.0%} above the noise"
+        return f"no metric improves by more than {WORTH:.0%} above the noise"
     doubts = " and ".join(f"{unknown[kind.key] * kind.factor:.{kind.digits}f} {kind.unit}" for kind in kinds)
-    return f"{_seen(looks_better)}, but that is lost beside the {doubts} by which it does not know its own pose"
+    return f"{_seen(looks_better)}, but less than its pose uncertainty of {doubts}"
 
 
 def _seen(verdicts: Sequence[Verdict]) -> str:
@@ -101,11 +101,11 @@ def _seen(verdicts: Sequence[Verdict]) -> str:
 def _lacking(design: Design, required: Requirements) -> str:
     """Return which margins the old values lack, beside what is required; "" if they have all."""
     if not design.before.margins.stable:
-        return "the wheel loops swing by themselves"
+        return "the wheel loops oscillate"
     parts = []
     for loop, found in (("wheel loops", design.before.margins), ("position loop", design.position_before)):
         if not found.stable:
-            parts.append(f"the {loop} swings by itself")
+            parts.append(f"the {loop} oscillates")
             continue
         missing = _less(found, required)
         if missing:

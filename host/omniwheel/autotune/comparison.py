@@ -71,7 +71,7 @@ class Comparison:
         leg_time: LegTime,
         tell: Callable[[str], None],
     ) -> None:
-        self._robot, self._sets, self._use, self._leg_time, self._tell = robot, sets, use, leg_time, tell
+        self._robot, self._sets, self._use, self._leg_time, self._report_progress = robot, sets, use, leg_time, tell
 
     def run(self, places: Sequence[Pose], pace: float, rounds: int, *, in_steps: bool) -> Compared:
         """Compare through these points at ``pace``, a share of the limits, ``in_steps`` or at once.
@@ -91,7 +91,7 @@ class Comparison:
         verdicts: list[Verdict] = []
         for number in range(rounds):
             for index in order(2, number):
-                self._tell(
+                self._report_progress(
                     f"round {number + 1} of {rounds} at {share:.0%} of the limits, with the {SIDES[index]} parameters"
                 )
                 self._use(self._sets[index])

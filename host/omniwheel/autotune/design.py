@@ -92,7 +92,8 @@ def measure(drives: Sequence[Drive], old: Mapping[str, float], layout: Layout) -
     fit = identify([entry.data for entry in drives], Model.floor(layout, dry_drag=False), WARM_S, count_rad)
     if fit.fit < LEAST_EXPLAINED:
         raise AutotuneError(
-            f"the model explains only {fit.fit:.0%} of the wheels' motion", hint="did the wheels slip or stall?"
+            f"the model explains only {fit.fit:.0%} of the wheels' motion",
+            hint="check whether wheels slipped or stalled",
         )
     return fit, motor_values(fit.estimate, old)
 

@@ -131,8 +131,8 @@ def design_wheels(
         if required.kept_by(found.margins) and in_the_air.kept_by(lifted.margins(*gains)):
             return found
     raise AutotuneError(
-        "no gains of the wheel loops keep the margins without more noise than wanted",
-        hint="more encoder counts, or check what was identified: omni identify",
+        "no wheel-loop gains meet the required margins and the noise limit",
+        hint="use an encoder with more counts, or check the identified parameters: omni identify",
     )
 
 
@@ -154,7 +154,7 @@ def design_position(
         if all(required.kept_by(entry) for entry in found):
             return float(lam), float(stiffness)
     raise AutotuneError(
-        "no gain of the position loop keeps the margins", hint="are the wheels right? omni bringup, omni identify"
+        "no position-loop gain meets the required margins", hint="check the wheels: omni bringup, omni identify"
     )
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Parameters of the motor model from what a drive on the floor shows, which is volts per speed, acceleration, friction.
 
-From voltages and speeds alone nobody can tell resistance, motor constant and mass apart. So the resistance and
+Voltages and speeds alone do not identify resistance, motor constant and mass separately. So the resistance and
 the inductance stay the robot file's. So do two shares: how much of the volts per speed is back-EMF, and how much of
 the inertia is the wheel's own. All that the robot computes from them is then as measured.
 """
@@ -36,8 +36,8 @@ def motor_values(found: Estimate, present: Mapping[str, float]) -> Measured:
         width = found.half_width(name)
         if not width <= UNSURE * found[name]:
             raise AutotuneError(
-                f"the drive does not show {name} well enough: {found[name]:.3g} ± {width:.2g}",
-                hint="more --room, or more --legs",
+                f"the drive excites {name} too little: {found[name]:.3g} ± {width:.2g}",
+                hint="increase --room or --legs",
             )
     constant, viscous, resistance = present["MOT_K"], present["MOT_B"], present["MOT_R"]
     emf = constant / (constant + resistance * viscous / constant)
@@ -54,7 +54,7 @@ def motor_values(found: Estimate, present: Mapping[str, float]) -> Measured:
     translating, turning = inertia("inertia_xy_V_s2"), inertia("inertia_theta_V_s2")
     lifted = own * translating
     if not lifted > 0.0 or not turning > 0.0:
-        raise AutotuneError("the inertia that was found is not positive", hint="check wheel directions: omni bringup")
+        raise AutotuneError("the identified inertia is not positive", hint="check wheel directions: omni bringup")
     friction = max(found["coulomb_V"] - found.half_width("coulomb_V"), 0.0)
     values = {"MOT_K": constant, "MOT_B": viscous, "MOT_J": lifted, "KF_J": translating, "WS_FF_S": friction}
     return Measured(values, min(lifted, turning), turning, translating)

@@ -18,24 +18,24 @@ PAGE, PICTURE, BEFORE, AFTER = "autotune.md", "autotune.png", "before.toml", "af
 
 NAMES = {
     "speed_gain_V_s": ("volts per wheel speed", "V s/rad"),
-    "coulomb_V": ("volts that dry friction takes", "V"),
+    "coulomb_V": ("voltage of dry friction", "V"),
     "inertia_xy_V_s2": ("volts per wheel acceleration, translating", "V s²/rad"),
     "inertia_theta_V_s2": ("volts per wheel acceleration, turning", "V s²/rad"),
     "drag_xy_V_s": ("drag across the rollers", "V s/rad"),
 }
 _WHY = {
-    "MOT_K": "measured volts per speed; the share that is back-EMF stays the robot file's",
+    "MOT_K": "measured volts per speed; the back-EMF fraction stays the robot file's",
     "MOT_B": "the rest of the volts per speed",
-    "MOT_J": "measured inertia; the share that is the wheel's own stays the robot file's",
+    "MOT_J": "measured inertia; the wheel's own fraction stays the robot file's",
     "KF_J": "measured inertia when the robot translates: what a wheel moves on the floor",
-    "WS_FF_S": "measured dry friction, at the lower end of its interval, so that it is never too much",
-    "KF_Q_W": "how far the wheel filter trusts the model: the candidate with the stiffest loop",
-    "WS_P": "with WS_I: the stiffest loop that keeps margins and limit of noise",
+    "WS_FF_S": "measured dry friction, at the lower end of its interval, so that it never overcompensates",
+    "KF_Q_W": "process noise of the wheel filter: the candidate with the stiffest loop",
+    "WS_P": "with WS_I: the stiffest loop within margins and noise limit",
     "WS_I": "see WS_P",
     "ISMC_LAM_XY": "the quickest position loop that keeps the margins",
     "ISMC_PHI_XY": "so that ISMC_K_XY / ISMC_PHI_XY is at most a quarter of ISMC_LAM_XY",
-    "ISMC_LAM_TH": "the same for the heading",
-    "ISMC_PHI_TH": "the same for the heading",
+    "ISMC_LAM_TH": "as ISMC_PHI_XY, for the heading",
+    "ISMC_PHI_TH": "as ISMC_PHI_XY, for the heading",
 }
 
 
@@ -58,7 +58,7 @@ def _measured(outcome: Outcome) -> list[str]:
     return [
         "# Autotune",
         "",
-        "## What was measured",
+        "## Measurements",
         "",
         f"The model explains {fit.fit:.1%} of the wheels' motion. ± is half the 95 % interval.",
         "",
@@ -77,7 +77,7 @@ def _parameters(outcome: Outcome, table: ParameterTable) -> list[str]:
         f"| `{name}` | {shown(name, outcome.old[name])} | {shown(name, outcome.new[name])} | {_WHY[name]} |"
         for name in outcome.new
     ]
-    return ["## Which parameters follow", "", "| | before | after | why |", "|---|---|---|---|", *rows, ""]
+    return ["## Resulting parameters", "", "| | before | after | why |", "|---|---|---|---|", *rows, ""]
 
 
 def _margins(outcome: Outcome, required: Requirements) -> list[str]:
@@ -89,7 +89,7 @@ def _margins(outcome: Outcome, required: Requirements) -> list[str]:
         return f"| {name} | {words} |"
 
     return [
-        "## What the model promises",
+        "## Predicted margins",
         "",
         "The least of all loads on the floor. Margins say how wrong the model may be before the loop swings; all 0: it",
         "swings already.",
@@ -126,13 +126,13 @@ def _lifted(design: Design, required: Requirements) -> list[str]:
 
 
 def _verdicts(outcome: Outcome) -> list[str]:
-    end = "The new parameters were kept" if outcome.kept else "The robot has its old parameters again"
+    end = "The new parameters are in use" if outcome.kept else "The old parameters are restored"
     pace = f"Driven in turns at {outcome.compared.share:.0%} of the limits."
     if outcome.in_steps:
         pace += " The old values hardly damp the robot as it was measured, so it came to that pace in steps."
     lines = [pace, "", *(f"- {verdict.sentence()}" for verdict in outcome.verdicts)]
     return [
-        "## What they did",
+        "## Driven comparison",
         "",
         f"![Errors before and after]({PICTURE})",
         "",

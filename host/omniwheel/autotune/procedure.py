@@ -75,7 +75,7 @@ class Settings:
     def __post_init__(self) -> None:
         """Refuse what the robot cannot take."""
         if not 4 <= self.legs <= MOST_LEGS:
-            raise AutotuneError(f"{self.legs} legs; 4 to {MOST_LEGS} are possible")
+            raise AutotuneError(f"{self.legs} legs; must be 4 to {MOST_LEGS}")
 
 
 @dataclass(frozen=True)
@@ -127,11 +127,13 @@ def autotune(robot: Robot, settings: Settings, keep: bool, tell: Callable[[str],
 def _on_trial(robot: Robot, trial: Trial, settings: Settings, keep: bool, tell: Callable[[str], None]) -> Outcome:
     old = {name: robot.parameters[name] for name in dict.fromkeys((*_READ, *_LIMITS, "CTL_MODE", "KF_MODE"))}
     if round(old["CTL_MODE"]) != ISMC:
-        raise AutotuneError("autotune is for CTL_MODE = ismc", hint="omni params set CTL_MODE=ismc")
+        raise AutotuneError("autotune needs CTL_MODE = ismc", hint="omni params set CTL_MODE=ismc")
     if round(old["KF_MODE"]) != ANGLE_FILTER:
-        raise AutotuneError("autotune is for KF_MODE = angle", hint="omni params set KF_MODE=angle")
+        raise AutotuneError("autotune needs KF_MODE = angle", hint="omni params set KF_MODE=angle")
     if old["ISMC_K_XY"] <= 0.0 or old["ISMC_K_TH"] <= 0.0:
-        raise AutotuneError("autotune needs ISMC_K_XY and ISMC_K_TH above 0", hint="omni params reset has the defaults")
+        raise AutotuneError(
+            "autotune needs ISMC_K_XY and ISMC_K_TH above 0", hint="omni params reset restores the defaults"
+        )
     filter_levels = read_preset(FILTER, parameter_table()).parameters
     before = {name: robot.parameters[name] for name in (*SETTINGS, *filter_levels)}
     kept = False
@@ -139,7 +141,7 @@ def _on_trial(robot: Robot, trial: Trial, settings: Settings, keep: bool, tell: 
         trial.set_many(filter_levels)
         outcome = _tune(robot, trial, settings, old, tell)
         if not keep and outcome.kept:
-            outcome = replace(outcome, choice=Choice(False, f"as you asked for, although {outcome.choice.why}"))
+            outcome = replace(outcome, choice=Choice(False, f"as requested, although {outcome.choice.why}"))
         kept = outcome.kept
     finally:
         back = {name: old[name] for name in CHANGED}
@@ -163,7 +165,7 @@ def _tune(
     swept = sweep(robot, settings.room_m, tell)
     hardly = [name for name, does in _hardly_damp(design, swept, settings.required).items() if does]
     if hardly:
-        tell(f"compared in steps: with the robot as it was measured, the {' and '.join(hardly)} values hardly damp it")
+        tell(f"compared in steps: on the measured robot, the {' and '.join(hardly)} values give too little damping")
     comparison = Comparison(robot, sets, trial.set_many, lambda way, share: _leg(robot, way, old, share), tell)
     compared = comparison.run(places, QUICK, settings.rounds, in_steps=bool(hardly))
     choice = choose(replace(compared.shown, swept=swept.margins), design, settings.required, settings.prefer)
@@ -211,7 +213,7 @@ def _measured(
         except (AutotuneError, IdentificationError) as error:
             if len(drives) == MOST_DRIVES:
                 raise
-            tell(f"{error}: one more drive")
+            tell(f"{error}: repeating the drive")
         others = points(places[0], reach_m, turn_rad, settings.legs, settings.seed + len(drives))
         drives.append(_drive(robot, others, limits, QUICK, tell))
 
@@ -223,7 +225,7 @@ def _limits_so_far(
     try:
         fit, measured = measure(drives, old, _layout(robot, old))
     except (AutotuneError, IdentificationError) as error:
-        tell(f"so far {error}")
+        tell(f"best so far: {error}")
         return None
     return within_reach(robot.parameters, old, fit, measured, tell)
 
@@ -277,9 +279,9 @@ def _drive(
     found = drive(robot, places, leg_s)
     if found.fixes_refused > REFUSED_SHARE * found.fixes:
         raise AutotuneError(
-            f"the robot refused {found.fixes_refused} of {found.fixes} pose fixes: they contradict its wheels",
-            hint="measure wheel radius and wheel distance anew for the robot file, see docs/guides/robot-file.md; "
-            "or does the pose sensor tell another scale or frame?",
+            f"the robot rejected {found.fixes_refused} of {found.fixes} pose fixes: they contradict its wheels",
+            hint="measure wheel radius and wheel distance again for the robot file, see docs/guides/robot-file.md, "
+            "or check the pose sensor's scale and frame",
         )
     return found
 

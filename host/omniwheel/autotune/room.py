@@ -77,7 +77,7 @@ def reach_of(side_m: float, body_m: float) -> float:
     reach = 0.5 * side_m - body_m
     if reach < LEAST_ROOM_M:
         least = 2.0 * (body_m + LEAST_ROOM_M)
-        raise AutotuneError(f"the robot needs more than {side_m:g} m", hint=f"--room {least:.2f} at least")
+        raise AutotuneError(f"the robot needs more than {side_m:g} m", hint=f"use --room {least:.2f} or more")
     return reach
 
 

@@ -74,10 +74,12 @@ def sweep(robot: Robot, room_m: float, tell: Callable[[str], None]) -> Swept:
         plan = WheelPlan(**found.settings)
         seen.append(signals_of(found.burst))
         opened = _opened(WheelSetup(robot, plan), seen)
-        doubt = _doubt(opened)
+        doubt = _uncertainty(opened)
     if opened is not None and doubt <= MOST_DOUBT:
         return Swept(measured_margins(opened))
-    return Swept(None, why or f"the encoders are too coarse, or wheels slip: the loop is known to {doubt:.0%} only")
+    return Swept(
+        None, why or f"the encoders are too coarse, or wheels slip: the loop's uncertainty is {doubt:.0%} only"
+    )
 
 
 def _opened(setup: WheelSetup, seen: Sequence[WheelSignals]) -> Response:
@@ -88,11 +90,11 @@ def _opened(setup: WheelSetup, seen: Sequence[WheelSignals]) -> Response:
     )
     swept = Sweep(wanted, TICK_S, setup.plan.from_hz, setup.plan.to_hz)
     loop = setup.loop(swept.frequency_hz)
-    assert loop is not None, "autotune is for the loop that is modelled"
+    assert loop is not None, "autotune needs a loop that the model covers"
     return opened_loop(swept.response(counted, voltage), loop, setup.gains)
 
 
-def _doubt(opened: Response) -> float:
+def _uncertainty(opened: Response) -> float:
     """Return half of the 95 % interval of the open loop, relative, where the margins are decided: the median there."""
     size = np.abs(opened.value)
     near = (size > NEAR[0]) & (size < NEAR[1])

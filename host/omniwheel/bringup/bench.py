@@ -139,7 +139,7 @@ class Samples:
 
 @contextmanager
 def armed(robot: Robot) -> Iterator[None]:
-    """Arm, and disarm at the end, however it comes. Raises OtherStopError if somebody else stopped it meanwhile."""
+    """Arm, and disarm at the end, also on errors. Raises OtherStopError if another station stopped it meanwhile."""
     with OtherStops(robot) as others:
         try:
             robot.arm()
@@ -175,14 +175,14 @@ def stream_duty(robot: Robot, duty: Sequence[float], duration_s: float) -> None:
 def spin(
     robot: Robot, others: OtherStops, findings: Findings, samples: Samples, layout: Layout, duty: float, name: str
 ) -> bool:
-    """Arm and turn all wheels; note if they do not turn. Raises OtherStopError if somebody else stopped them."""
+    """Arm and turn all wheels; record if they do not turn. Raises OtherStopError if another station stopped them."""
     robot.arm()
     stream_duty(robot, [duty] * layout.wheels, SPIN_S)
     others.require_no_estop()
     turning = any(counted(samples.all[-5], samples.all[-1], layout.wheels)) if len(samples.all) >= 5 else False
     if not turning:
         robot.disarm()
-        findings.bad(name, "the wheels do not turn, so nothing can be stopped", "run `omni bringup motors` first")
+        findings.bad(name, "the wheels do not turn: a stop cannot be tested", "run `omni bringup motors` first")
     return turning
 
 

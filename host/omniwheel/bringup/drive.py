@@ -31,7 +31,7 @@ FLOOR = (
     "side?"
 )
 _MODEL = (
-    "the odometry does not follow: run `omni bringup motors` again; if that passes, compare WHEEL_RADIUS, WHEEL_DIST "
+    "the odometry is wrong: run `omni bringup motors` again; if that passes, compare WHEEL_RADIUS, WHEEL_DIST "
     "and the wheels' speeds in `omni monitor`"
 )
 
@@ -72,7 +72,7 @@ def check_drive(robot: Robot, person: Person) -> Result:
     require(person, FLOOR)
     findings = Findings("drive")
     for move in _within_reach(robot):
-        person.tell(move.name)
+        person.show(move.name)
         mark = robot.texts.mark()
         displacement = _drive(robot, move)
         findings.measured[move.name.replace(" ", "_")] = list(displacement)
@@ -130,7 +130,7 @@ def _judge_stop(robot: Robot, findings: Findings, move: Move, mark: int) -> bool
     findings.bad(
         move.name,
         f"the robot stopped by itself: {'; '.join(said[-1:]) or ', '.join(status.fault_history)}",
-        "put that right first (`omni monitor` shows the faults); is a wheel blocked, or the battery empty?",
+        "correct that first (`omni monitor` shows the faults); check for a blocked wheel and an empty battery",
     )
     return False
 
@@ -149,10 +149,10 @@ def _judge_seen(findings: Findings, robot: Robot, move: Move) -> None:
     wheels = int(robot.parameters["WHEELS"])
     angles = ", ".join(f"wheel {n}: {robot.parameters[f'W{n}_ANGLE']:g}°" for n in range(1, wheels + 1))
     findings.bad(
-        f"{move.name}: seen",
-        "the robot went another way than its odometry says",
+        f"{move.name}: observed",
+        "the robot moved in another direction than its odometry",
         f"look from above, counter-clockwise from the front: {angles}. If wheels are elsewhere, correct [geometry] "
         "wheel_angle_deg in the robot file or exchange motor and encoder of the wheels together. If it went exactly "
-        "the other way, all motors and encoders are the wrong way round: give [motor] direction and [encoder] "
-        "direction the other sign. Mind that the body's x axis is where wheel_angle_deg = 0 points",
+        "backwards, all motors and encoders are reversed: invert [motor] direction and [encoder] direction. Note "
+        "that the body's x axis is where wheel_angle_deg = 0 points",
     )

@@ -28,7 +28,7 @@ def check_encoders(robot: Robot, person: Person, *, begin_timeout_s: float = BEG
     errors = health_of(robot).encoder_errors
     with Samples(robot, RATE_HZ) as samples:
         for wheel in range(layout.wheels):
-            person.tell(f"Turn wheel {wheel + 1} by hand by one whole revolution, {_WHICH_WAY}, then let go.")
+            person.show(f"Turn wheel {wheel + 1} by hand by one whole revolution, {_WHICH_WAY}, then let go.")
             counts = _turned(robot, samples, layout, begin_timeout_s)
             findings.measured[f"wheel_{wheel + 1}_counts"] = list(counts)
             _judge(findings, layout, wheel, counts)
@@ -58,7 +58,9 @@ def _judge(findings: Findings, layout: Layout, wheel: int, counts: tuple[int, ..
     largest = max(range(layout.wheels), key=lambda i: abs(counts[i]))
     if max(map(abs, counts)) < max(2, BEGIN_REVOLUTIONS * layout.counts_per_revolution):
         if counts[wheel]:
-            advice = f"it counts to and fro: only one of the lines A and B of encoder {wheel + 1} arrives; check both"
+            advice = (
+                f"it counts up and down: only one of the lines A and B of encoder {wheel + 1} is connected; check both"
+            )
         else:
             advice = (
                 f"check encoder {wheel + 1}: 5 V supply, GND, the level shifter, and A and B at the pins of "
@@ -76,7 +78,7 @@ def _judge(findings: Findings, layout: Layout, wheel: int, counts: tuple[int, ..
         return
     others = [i for i in range(layout.wheels) if i != wheel and abs(counts[i]) > abs(counts[wheel]) / 10]
     if others:
-        findings.bad(name, f"{wheel_names(others)} counts along", "are two encoders' lines connected with each other?")
+        findings.bad(name, f"{wheel_names(others)} count, too", "check for a short between two encoders' lines")
         return
     _judge_direction(findings, layout, wheel, counts[wheel])
     _judge_revolution(findings, layout, wheel, abs(counts[wheel]))
@@ -90,7 +92,7 @@ def _judge_direction(findings: Findings, layout: Layout, wheel: int, counts: int
         forward,
         f"{counts:+d} counts, direction {layout.encoder_direction[wheel]:+d}",
         f"it counts backwards (A and B exchanged, or the wheel was turned the other way: {_WHICH_WAY}); {line} "
-        f"(to try at once: omni params set W{wheel + 1}_ENC_DIR={-layout.encoder_direction[wheel]})",
+        f"(to try it now: omni params set W{wheel + 1}_ENC_DIR={-layout.encoder_direction[wheel]})",
     )
 
 
@@ -103,12 +105,12 @@ def _judge_revolution(findings: Findings, layout: Layout, wheel: int, counts: in
     else:
         advice = (
             "if it was one whole revolution, "
-            f"{file_line('encoder', 'counts_per_revolution', counts)}; else run this again"
+            f"{file_line('encoder', 'counts_per_revolution', counts)}; else repeat the check"
         )
     findings.judge(
         f"encoder {wheel + 1} revolution",
         abs(share - 1.0) <= BY_HAND,
-        f"{counts} counts for a revolution, the file says {layout.counts_per_revolution}",
+        f"{counts} counts per revolution, the file has {layout.counts_per_revolution}",
         advice,
     )
 

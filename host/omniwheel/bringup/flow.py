@@ -36,9 +36,13 @@ ASIDE_TOLERANCE_RAD = math.radians(30.0)
 """Only the side is asked for."""
 TURN_TOLERANCE_RAD = math.radians(5.0)
 _STEP_S = 0.1
-_WIRES = "check SDA to pin 25, SCL to pin 24, 3.3 V, GND; was the firmware built from the file with this [flow]?"
+_WIRES = (
+    "check SDA to pin 25, SCL to pin 24, 3.3 V, GND; check that the firmware was built from the file with this [flow]"
+)
 _BACKWARDS, _ASIDE = math.radians(150.0), math.radians(60.0)
-_TURN_ADVICE = "push it straight; if you did, the sensor's own heading is wrong: let it stand after power-up"
+_TURN_ADVICE = (
+    "push it straight. If it was straight, the sensor's own heading is wrong: keep the robot at rest after power-up"
+)
 
 
 class Ways:
@@ -94,7 +98,7 @@ def _listening(robot: Robot) -> Iterator[Ways]:
 
 
 def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, wait_s: float = WAIT_S) -> Result:
-    """Look at the sensor while somebody pushes the robot along a metre, then aside. No motor is driven.
+    """Check the sensor while the operator pushes the robot 1 m ahead, then to the left. No motor is driven.
 
     A robot without one passes, with a word, unless its ``file`` has one. With the file of a sensor that has wheels the
     advice is about these. ``wait_s``: how long the person may take for a push.
@@ -108,7 +112,11 @@ def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, w
     wheels = wiring is not None and wiring.chip.wheels
     angle = robot.parameters["FLOW_ANGLE"]
     if wheels and abs(angle) > math.degrees(DIRECTION_TOLERANCE_RAD):
-        findings.bad("FLOW_ANGLE", f"{angle:g}", "wheels are put right by their cables and `reversed`: set it to 0")
+        findings.bad(
+            "FLOW_ANGLE",
+            f"{angle:g}",
+            "the directions of these wheels are corrected by their cables and `reversed`: set it to 0",
+        )
         return findings.result()
     require(person, REST)
     with _listening(robot) as ways:
@@ -119,7 +127,7 @@ def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, w
 
 def _rests(robot: Robot, findings: Findings, ways: Ways) -> bool:
     robot.pump(REST_S)
-    prefix = "floor motion: "
+    prefix = "floor odometry: "
     said = [text.text for text in robot.texts.since(0) if text.text.startswith(prefix)]
     good = ways.came - ways.lost
     seen = f"{good} in {REST_S:g} s"
@@ -132,7 +140,7 @@ def _rests(robot: Robot, findings: Findings, ways: Ways) -> bool:
         "rest",
         drift < DRIFT_LIMIT_M,
         f"{1e3 * drift:.1f} mm in {REST_S:g} s at rest",
-        "let the robot stand; an optical sensor needs a floor with texture, at the height that its maker names",
+        "let the robot stand; an optical sensor needs a floor with texture, at the mounting height of its data sheet",
     )
 
 
@@ -150,7 +158,7 @@ def _push(robot: Robot, ways: Ways, wait_s: float) -> tuple[float, float, float]
 def _ahead(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> bool:
     """Whether another push makes sense. ``how``: whether the sensor has wheels, and how long to wait."""
     wheels, wait_s = how
-    person.tell(PUSH)
+    person.show(PUSH)
     moved = _push(robot, ways, wait_s)
     if moved is None:
         way = math.hypot(*ways.moved()[:2])
@@ -158,8 +166,8 @@ def _ahead(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tu
         return False
     x, y, turn = moved
     findings.measured.update(x_m=x, y_m=y, turn_rad=turn, lost=ways.lost)
-    lost = "the way lacks what these would have measured: a better floor, the right height, cables that sit tight"
-    if not findings.judge("whole", ways.lost == 0, f"{ways.lost} readings without a way during the push", lost):
+    lost = "the distance lacks these: improve the floor's texture, the mounting height and the plugs"
+    if not findings.judge("whole", ways.lost == 0, f"{ways.lost} invalid readings during the push", lost):
         return False
     straight = _judge_turn(robot, findings, "turn", turn)
     right = _direction(robot, findings, math.atan2(y, x), wheels)
@@ -171,13 +179,15 @@ def _judge_turn(robot: Robot, findings: Findings, name: str, turn: float) -> boo
     """Of a sensor that measures the turn, too."""
     if robot.parameters["FLOW_MODE"] <= 1.0:
         return True
-    return findings.judge(name, abs(turn) < TURN_TOLERANCE_RAD, f"{math.degrees(turn):+.1f}° meanwhile", _TURN_ADVICE)
+    return findings.judge(
+        name, abs(turn) < TURN_TOLERANCE_RAD, f"{math.degrees(turn):+.1f}° during the push", _TURN_ADVICE
+    )
 
 
 def _aside(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> None:
     """Straight ahead, a sensor that counts y the wrong way looks right."""
     wheels, wait_s = how
-    person.tell(ASIDE)
+    person.show(ASIDE)
     moved = _push(robot, ways, wait_s)
     if moved is None:
         advice = "push it further, straight to the left"
@@ -188,11 +198,11 @@ def _aside(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tu
     if not _judge_turn(robot, findings, "turn again", turn):
         return
     off = math.remainder(math.atan2(y, x) - math.pi / 2.0, math.tau)
-    advice = "push it to its left. If you did: is the sensor upside down, or are its x and y exchanged?"
+    advice = "push it to its left. If it was left, check whether the sensor is upside down, or its x and y exchanged"
     if wheels and abs(off) > _BACKWARDS:
-        advice = 'the y wheel counts backwards: write "y" into reversed of [flow], or take it out there; then flash'
+        advice = 'the y wheel counts backwards: write "y" into reversed of [flow], or remove it there; then flash'
     findings.judge(
-        "left", abs(off) < ASIDE_TOLERANCE_RAD, f"{math.degrees(off):+.1f}° off a way straight to the left", advice
+        "left", abs(off) < ASIDE_TOLERANCE_RAD, f"{math.degrees(off):+.1f}° off straight to the left", advice
     )
 
 
@@ -203,9 +213,9 @@ def _y_wheel_advice(advice: str) -> str:
 def _direction(robot: Robot, findings: Findings, seen: float, wheels: bool) -> bool:
     angle = math.degrees(math.remainder(math.radians(robot.parameters["FLOW_ANGLE"]) - seen, math.tau))
     findings.measured["angle_deg"] = angle
-    advice = f"if you pushed it straight, set FLOW_ANGLE={angle:.1f} (omni params set) and run this once more"
+    advice = f"if you pushed it straight, set FLOW_ANGLE={angle:.1f} (omni params set) and repeat the check"
     if wheels and abs(seen) > _BACKWARDS:
-        advice = 'the x wheel counts backwards: write "x" into reversed of [flow], or take it out there; then flash'
+        advice = 'the x wheel counts backwards: write "x" into reversed of [flow], or remove it there; then flash'
     elif wheels and abs(seen) > _ASIDE:
         advice = "exchange the cables of the x and the y wheel: x is the one that rolls to the front"
     return findings.judge(
@@ -224,6 +234,6 @@ def _scale(robot: Robot, findings: Findings, way: float) -> None:
         "scale",
         abs(ratio - 1.0) < SCALE_TOLERANCE,
         f"{1e3 * way:.0f} mm for a metre; FLOW_SCALE = {scale:.4f} would make it 1000",
-        f"if it was just one metre, set FLOW_SCALE={scale:.4f} and run this once more. More than 10 % off: is the "
-        "height that of its maker, are the steps per millimetre right?",
+        f"if it was exactly one metre, set FLOW_SCALE={scale:.4f} and repeat the check. More than 10 % off: check "
+        "the mounting height and the steps per millimetre",
     )

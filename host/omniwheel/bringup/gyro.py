@@ -30,7 +30,10 @@ STILL_S = 1.0
 SCALE_TOLERANCE = 0.1
 """A hand and a mark are good for a degree or two; further off, it was another angle."""
 _STEP_S = 0.1
-_WIRES = "SDA to pin 17, SCL to pin 16, 3.3 V, GND, CS to 3.3 V; was the firmware built from the file with this [gyro]?"
+_WIRES = (
+    "SDA to pin 17, SCL to pin 16, 3.3 V, GND, CS to 3.3 V; check that the firmware was built from the file "
+    "with this [gyro]"
+)
 
 
 class Readings:
@@ -73,7 +76,7 @@ def _listening(robot: Robot) -> Iterator[Readings]:
 
 
 def check_gyro(robot: Robot, person: Person, *, file: RobotFile | None = None, wait_s: float = WAIT_S) -> Result:
-    """Look at the gyro of a robot that rests, then while somebody turns it. No motor is driven.
+    """Check the gyro at rest, then while the operator turns the robot. No motor is driven.
 
     A robot without a gyro passes, with a word, unless its ``file`` has one. ``wait_s``: how long the person may take.
     """
@@ -98,8 +101,8 @@ def _rests(robot: Robot, findings: Findings, readings: Readings) -> bool:
     last_second = readings.all[-round(RATE_HZ) :]
     used = bool(last_second) and all(state.used for state in last_second)
     comes = any(state.rate_rad_s != 0.0 for state in last_second)
-    why = ", ".join(said) or ("it has contradicted the wheels" if comes else "no readings")
-    advice = "restart the robot, and do not drive it before this step" if comes and not said else f"check {_WIRES}"
+    why = ", ".join(said) or ("it contradicted the wheels" if comes else "no readings")
+    advice = "restart the robot, and do not drive it before this check" if comes and not said else f"check {_WIRES}"
     if not findings.judge("readings", used, "used by the estimator" if used else f"not used: {why}", advice):
         return False
     bias, noise = last_second[-1].bias_rad_s, pstdev(state.rate_rad_s for state in last_second)
@@ -107,21 +110,21 @@ def _rests(robot: Robot, findings: Findings, readings: Readings) -> bool:
     findings.judge(
         "bias",
         abs(bias) < BIAS_LIMIT_RAD_S,
-        f"{bias:+.4f} rad/s at rest, known to {last_second[-1].bias_sd_rad_s:.1g}",
+        f"{bias:+.4f} rad/s at rest, standard deviation {last_second[-1].bias_sd_rad_s:.1g}",
         f"beyond {BIAS_LIMIT_RAD_S:g} rad/s the chip is damaged, bent by its screws, or the robot was turning",
     )
     return findings.judge(
         "noise",
         noise < NOISE_LIMIT_RAD_S,
         f"{noise:.4f} rad/s between readings",
-        "something shakes the robot, or the chip's board hangs loose: screw it down, let the robot stand, once more",
+        "the robot vibrates, or the chip's board is loose: fix it, keep the robot at rest, and repeat the check",
     )
 
 
 def _turn(robot: Robot, person: Person, findings: Findings, readings: Readings, axis: int, wait_s: float) -> None:
     """A gyro whose sign is wrong is refused by the estimator while the wheels turn along: its rate is then 0."""
     readings.clear()
-    person.tell(TURN)
+    person.show(TURN)
     end_s = robot.connection.clock() + wait_s
     begun = False
     while robot.connection.clock() < end_s and not (begun and readings.still_s >= STILL_S):
@@ -130,7 +133,7 @@ def _turn(robot: Robot, person: Person, findings: Findings, readings: Readings, 
     angle = readings.angle_rad
     findings.measured["angle_rad"] = angle
     if not begun:
-        advice = f"turn it about the vertical; does axis {abs(axis)} of the chip point up?"
+        advice = f"turn it about the vertical; check that axis {abs(axis)} of the chip points up"
         findings.bad("turn", f"no turn seen within {wait_s:g} s", advice)
         return
     sign = f"set the parameter GYRO_AXIS, or {file_line('gyro', 'axis', -axis)}; then restart the robot"
@@ -147,5 +150,5 @@ def _scale(robot: Robot, findings: Findings, angle: float) -> None:
         "scale",
         abs(ratio - 1.0) < SCALE_TOLERANCE,
         f"{math.degrees(angle):.1f}° for a whole turn; GYRO_SCALE = {scale:.4f} would make it 360°",
-        "turn it by just one whole turn; if it was one, the axis does not point straight up",
+        "turn it by exactly one turn; if it was, the axis is not vertical",
     )

@@ -35,11 +35,11 @@ def scan(robot: Robot) -> tuple[list[int], bool]:
         if arrived:
             found = arrived[-1].found
             return [a for a in range(128) if found[a // 8] >> a % 8 & 1], bool(arrived[-1].stuck)
-    raise LinkTimeoutError("the robot began an I2C scan but sent no result", hint="is the link losing messages?")
+    raise LinkTimeoutError("the robot began an I2C scan but sent no result", hint="check the link for lost messages")
 
 
 def check_i2c(robot: Robot) -> Result:
-    """See that the PWM chip answers at 0x40 and who else does. The robot must be disarmed."""
+    """Check that the PWM chip acknowledges at 0x40, and list the other devices. The robot must be disarmed."""
     findings = Findings("i2c")
     addresses, stuck = scan(robot)
     findings.measured = {"addresses": addresses, "stuck": stuck}
@@ -51,16 +51,16 @@ def check_i2c(robot: Robot) -> Result:
     ):
         return findings.result()
     if not addresses:
-        findings.bad("PCA9685", "nothing answers on the bus", f"check {_WIRES}")
+        findings.bad("PCA9685", "no device responds on the bus", f"check {_WIRES}")
         return findings.result()
     moved = [a for a in addresses if a in JUMPERS and a != ALL_CALL]
-    advice = f"something answers, but not at 0x{PCA9685:02X}: is the PWM board powered? check {_WIRES}"
+    advice = f"a device responds, but not at 0x{PCA9685:02X}: check the PWM board's power and {_WIRES}"
     if moved and ALL_CALL in addresses:
         advice = f"the PWM board is at 0x{moved[0]:02X}: open its address jumpers A0 to A5"
-    findings.judge("PCA9685", PCA9685 in addresses, f"answers: {_listed(addresses)}", advice)
+    findings.judge("PCA9685", PCA9685 in addresses, f"devices: {_listed(addresses)}", advice)
     others = [a for a in addresses if a != PCA9685]
     if PCA9685 in addresses:
-        findings.good("others", f"also there: {_listed(others)}; they share the motors' bus" if others else "none")
+        findings.good("others", f"other devices: {_listed(others)}; they share the motors' bus" if others else "none")
     return findings.result()
 
 

@@ -58,7 +58,7 @@ def _judge_heartbeats(findings: Findings, robot: Robot, name: str) -> None:
         name,
         count >= MIN_HEARTBEATS,
         f"{count} heartbeats in {LISTEN_S:g} s over {robot.url}",
-        "heartbeats get lost: another cable or port, and only one program on it",
+        "heartbeats are lost: use another cable or port, with one program only",
     )
 
 
@@ -74,7 +74,7 @@ def _judge_version(findings: Findings, robot: Robot) -> None:
     findings.judge(
         "parameter table",
         version.schema_crc == robot.table.crc,
-        "the same on both sides" if version.schema_crc == robot.table.crc else "the robot has another one",
+        "equal on robot and host" if version.schema_crc == robot.table.crc else "the robot's table differs",
         "flash the firmware that belongs to this omniwheel: make flash",
     )
 
@@ -91,7 +91,7 @@ def _judge_file(findings: Findings, robot: Robot, file: RobotFile) -> None:
         not wrong,
         f"{shown}{more}" if wrong else f"it is {file.name}: {file.wheels} wheels, {file.description}",
         f"flash the firmware built for {file.name}, or make {file.source} describe this robot; values stored on the "
-        "robot go with: omni params reset",
+        "robot are cleared by: omni params reset",
     )
 
 
@@ -111,7 +111,7 @@ def _judge_latency(findings: Findings, robot: Robot) -> None:
         "latency",
         window.answered > 0 and window.percentile_s(0.5) <= LATENCY_LIMIT_S,
         f"median round trip {1e3 * window.percentile_s(0.5):.1f} ms, {window.answered} of {window.sent} answered",
-        "slow for USB: is this the radio (then `omni bringup radio`), a hub, or a busy computer?",
+        "slow for USB: if this is the radio, use `omni bringup radio`; else avoid USB hubs and load on the computer",
     )
 
 
@@ -122,16 +122,19 @@ def _judge_health(findings: Findings, robot: Robot) -> None:
         "restart",
         health.reset_cause in ("power", "software"),
         f"started by {health.reset_cause}",
-        "give the processor air: it was above 90 C"
+        "cool the processor: it was above 90 °C"
         if health.reset_cause == "over-temperature"
         else "the firmware hung or crashed before: `omni record` the status texts after a restart and report them",
     )
     findings.judge(
-        "tick", status.overruns == 0, f"{status.overruns} overruns", "ticks came late: is this a debug build?"
+        "tick",
+        status.overruns == 0,
+        f"{status.overruns} overruns",
+        "ticks were late: check that this is no debug build",
     )
     findings.judge(
         "state",
         status.state == "disarmed",
         f"{status.state}{': ' + ', '.join(status.faults) if status.faults else ''}",
-        "disarm (omni drive does at its end) or release the emergency stop; the faults say what is wrong",
+        "disarm (omni drive does at its end) or release the e-stop; the faults name the cause",
     )

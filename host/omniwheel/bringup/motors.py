@@ -55,16 +55,16 @@ def check_motors(robot: Robot, person: Person, *, duty: float = MOTORS_DUTY) -> 
     findings = Findings("motors")
     with Samples(robot) as samples:
         for wheel in range(layout.wheels):
-            person.tell(f"wheel {wheel + 1} turns both ways at {100 * duty:g} % duty")
+            person.show(f"wheel {wheel + 1} turns both ways at {100 * duty:g} % duty")
             mark = robot.texts.mark()
             forward, back = (_turn(robot, samples, layout, wheel, sign * duty) for sign in (1.0, -1.0))
             findings.measured[f"wheel_{wheel + 1}"] = {"forward": vars(forward), "back": vars(back)}
             if not _was_driven(robot, findings, wheel, layout, (forward, back), mark):
                 break
-            if _moves_alone(findings, person, layout, wheel, forward, back):
+            if _turns_alone(findings, person, layout, wheel, forward, back):
                 _judge_direction(findings, person, layout, wheel, forward, back)
                 _judge_speed(findings, layout, wheel, forward, back)
-                _measure_dead_band(robot, findings, samples, layout, wheel, duty)
+                _measure_deadband(robot, findings, samples, layout, wheel, duty)
     return findings.result()
 
 
@@ -94,8 +94,8 @@ def _was_driven(
     said = [text for text in warnings if text.startswith("failsafe")] or warnings[-1:]
     findings.bad(
         f"motor {wheel + 1}",
-        f"the robot stopped by itself: {'; '.join(said) or 'it gave no reason'}",
-        "put that right first (`omni monitor` shows the faults), then run this again",
+        f"the robot stopped by itself: {'; '.join(said) or 'without a reason'}",
+        "correct that first (`omni monitor` shows the faults), then repeat the check",
     )
     return False
 
@@ -109,7 +109,7 @@ def _movers(layout: Layout, turn: Turn) -> list[int]:
     return [i for i in range(layout.wheels) if abs(turn.counts[i]) >= threshold]
 
 
-def _moves_alone(findings: Findings, person: Person, layout: Layout, wheel: int, *turns: Turn) -> bool:
+def _turns_alone(findings: Findings, person: Person, layout: Layout, wheel: int, *turns: Turn) -> bool:
     """Judge whether the motor moves its own wheel's encoder and no other."""
     seen = sorted({i for turn in turns for i in _movers(layout, turn)})
     name = f"motor {wheel + 1}"
@@ -123,7 +123,7 @@ def _moves_alone(findings: Findings, person: Person, layout: Layout, wheel: int,
         findings.bad(
             name,
             f"{wheel_names(seen)} turn",
-            f"do two motors share a PWM channel? wheel {wheel + 1} has {layout.in1_channel[wheel]} and "
+            f"check that no two motors share a PWM channel: wheel {wheel + 1} has {layout.in1_channel[wheel]} and "
             f"{layout.in2_channel[wheel]}; check the wires from the PWM board to the bridges",
         )
         return False
@@ -135,7 +135,8 @@ def _judge_silence(findings: Findings, person: Person, layout: Layout, wheel: in
     turned = person.saw(f"Did wheel {wheel + 1} turn?")
     motor = (
         f"check motor {wheel + 1}: motor supply, the bridge's output wires, IN1 on PWM channel "
-        f"{layout.in1_channel[wheel]}, IN2 on {layout.in2_channel[wheel]}; turn the wheel by hand: is it blocked?"
+        f"{layout.in1_channel[wheel]}, IN2 on {layout.in2_channel[wheel]}; turn the wheel by hand to check that it "
+        "is free"
     )
     encoder = f"encoder {wheel + 1} is dead or stuck: run `omni bringup encoders`"
     advice = {True: encoder, False: motor, None: f"if the wheel stood still, {motor}; if it turned, {encoder}"}[turned]
@@ -170,7 +171,7 @@ def _judge_direction(findings: Findings, person: Person, layout: Layout, wheel: 
     elif signs[0] != signs[1]:
         findings.bad(
             name,
-            "it turns the same way for both signs of the duty",
+            "it turns in one direction for both signs of the duty",
             f"one of the bridge's inputs is not connected: IN1 on PWM channel {layout.in1_channel[wheel]}, IN2 on "
             f"{layout.in2_channel[wheel]}",
         )
@@ -180,7 +181,8 @@ def _judge_direction(findings: Findings, person: Person, layout: Layout, wheel: 
 
 def _judge_reversal(findings: Findings, person: Person, layout: Layout, wheel: int, name: str) -> None:
     right = person.saw(
-        f"When wheel {wheel + 1} began to turn, was that clockwise as seen from outside the robot, and then back?"
+        f"When wheel {wheel + 1} began to turn, did it turn clockwise as seen from outside the robot, and then "
+        "counter-clockwise?"
     )
     motor = file_line("motor", "direction", flipped(layout.motor_direction, wheel))
     motor += f" (or exchange the motor's two wires; to try: omni params set W{wheel + 1}_MOT_DIR="
@@ -210,11 +212,11 @@ def _judge_speed(findings: Findings, layout: Layout, wheel: int, forward: Turn, 
         f"motor {wheel + 1} symmetry",
         min(ratios) >= SYMMETRY * max(ratios),
         f"forward {ratios[0]:.2f}, back {ratios[1]:.2f} times the model",
-        "it is weaker one way: check that wheel for friction, and the bridge's two inputs",
+        "it is weaker in one direction: check that wheel for friction, and the bridge's two inputs",
     )
 
 
-def _measure_dead_band(
+def _measure_deadband(
     robot: Robot, findings: Findings, samples: Samples, layout: Layout, wheel: int, limit: float
 ) -> None:
     """Raise the duty until the wheel moves; a measurement, not a verdict."""
@@ -229,5 +231,5 @@ def _measure_dead_band(
             if abs(counted(start, samples.all[-1], layout.wheels)[wheel]) >= step:
                 break
         stream_duty(robot, [0.0] * layout.wheels, REST_S)
-    findings.measured[f"wheel_{wheel + 1}"]["dead_band_duty"] = duty
-    findings.good(f"motor {wheel + 1} dead band", f"it moves from a duty of about {duty:.2f} on")
+    findings.measured[f"wheel_{wheel + 1}"]["deadband_duty"] = duty
+    findings.good(f"motor {wheel + 1} deadband", f"it moves from a duty of about {duty:.2f} on")

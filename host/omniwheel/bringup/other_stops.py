@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
 """Stops of other stations and programs while a check runs: such a stop ends the check and stays on.
 
-The robot keeps one emergency stop, whoever asked for it. So a check releases only what it has made itself.
+The robot has one emergency stop for all stations. So a check releases only the stop that it made itself.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ OPENED = "stop button open"
 """How the robot begins to say that its stop button was pressed."""
 _SETTLE_S = 0.3
 """The robot's state may come before the text that says why."""
-_HINT = "it is not released here; once it is safe: `omni stop --release`, then run this again"
+_HINT = "it is not released by this check; once it is safe: `omni stop --release`, then repeat the check"
 
 
 def safety_of(robot: Robot) -> Status:
@@ -58,14 +58,14 @@ class OtherStops:
         if text is not None and (text.text.startswith(STOPPED_BY) or notices.names_program(text.text)):
             self._who = text.text
         elif message.get_type() == "COMMAND_ACK" and self._is_of_others_estop(message):
-            self._who = self._who or "it is not known which"
+            self._who = self._who or "which one is unknown"
 
     def _is_of_others_estop(self, ack: Message) -> bool:
         accepted = ack.command == mavlink.MAV_CMD_OMNI_ESTOP and ack.result == mavlink.MAV_RESULT_ACCEPTED
         return accepted and self._robot.commands.is_of_another(ack)
 
     def require_none(self) -> None:
-        """Raise OtherStopError if somebody else has stopped the robot since the context began."""
+        """Raise OtherStopError if another station has stopped the robot since the context began."""
         if self._who:
             raise OtherStopError(f"another station or program stopped the robot ({self._who})", hint=_HINT)
 
@@ -77,7 +77,7 @@ class OtherStops:
             self.require_none()
             pressed = next((text for text in self._robot.texts.since(self._mark) if text.text.startswith(OPENED)), None)
             cause = "" if pressed is None else f" ({pressed.text})"
-            raise OtherStopError(f"an emergency stop is on that this check did not make{cause}", hint=_HINT)
+            raise OtherStopError(f"an e-stop is active that this check did not trigger{cause}", hint=_HINT)
 
     def release_own(self) -> None:
         """Release the emergency stop that this check has made. Raises OtherStopError if it is not the only one."""
@@ -85,4 +85,4 @@ class OtherStops:
         try:
             self._robot.estop_clear(after_own_stop=True)
         except CommandRefusedError as refusal:
-            raise OtherStopError(f"the emergency stop stays on: {refusal}", hint=_HINT) from refusal
+            raise OtherStopError(f"the e-stop stays active: {refusal}", hint=_HINT) from refusal

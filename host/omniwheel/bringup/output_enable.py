@@ -25,15 +25,17 @@ _WATCH_S = 1.0
 
 _NO_PIN = "no output-enable pin"
 NOT_WIRED = (
-    "not wired: only the I2C bus can stop a motor. A hung processor drives on until its watchdog restarts it, and "
+    "not wired: only the I2C bus can stop a motor. A hung processor keeps the motors running until its watchdog "
+    "restarts it, and "
     "after a press of the Teensy's button the motors run until the motor supply is off"
 )
 _PIN_ADVICE = (
-    "is the wire from output_enable_pin to the PCA9685's OE there, and OE not tied to ground? Until then only the bus "
+    "check the wire from output_enable_pin to the PCA9685's OE, and that OE is not tied to ground. Until then only "
+    "the bus "
     "can stop a motor (docs/guides/robot-file.md, Output enable)"
 )
 _PULL_UP_ADVICE = (
-    "OE falls when the processor lets go of it: put 1 kOhm from OE to 3.3 V, or take the board's own pull-down off. "
+    "OE falls when the processor's pin floats: put 1 kOhm from OE to 3.3 V, or remove the board's own pull-down. "
     "Measure it with the Teensy's button pressed and the motor supply off: at least 2.4 V"
 )
 BY_HAND = (
@@ -58,7 +60,7 @@ def check_output_enable(
     with left_disarmed(robot) as others, Samples(robot) as samples:
         trials = (("pin", False, _PIN_ADVICE), ("pull-up", True, _PULL_UP_ADVICE))
         if all(_trial(robot, others, findings, samples, layout, duty, *trial) for trial in trials):
-            person.tell(BY_HAND)
+            person.show(BY_HAND)
     return findings.result()
 
 
@@ -99,9 +101,13 @@ def _trial(
     findings.measured[f"{name.replace('-', '_')}_s"] = time_s
     if status.fault_history:
         seen = f"the robot stopped by itself: {', '.join(status.fault_history)}"
-        findings.bad(name, seen, "put that right first (`omni monitor` shows the faults), then run this again")
+        findings.bad(name, seen, "correct that first (`omni monitor` shows the faults), then repeat the check")
         return False
     stopped = time_s is not None and time_s <= REST_LIMIT_S
     by_itself = time_s is not None and time_s < TRIAL_S
-    seen = f"wheels at rest after {time_s:.2f} s" if by_itself else "the wheels turned until the bus stopped them"
+    seen = (
+        f"wheels at rest after {time_s:.2f} s"
+        if by_itself
+        else "the wheels turned until they were stopped over the bus"
+    )
     return findings.judge(name, stopped, f"{seen} (limit {REST_LIMIT_S:.2f} s)", advice)

@@ -13,22 +13,22 @@ class NotReadyError(OmniError):
 
 
 class Person(Protocol):
-    """Somebody beside the robot. The robot is disarmed whenever something is asked."""
+    """The operator beside the robot. The robot is disarmed during every question."""
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Show a line."""
 
     def confirm(self, question: str) -> bool:
         """Return whether the robot may be moved, or whatever ``question`` asks leave for."""
 
     def saw(self, question: str) -> bool | None:
-        """Return what the person saw; None: nobody looked."""
+        """Return the operator's observation; None: unknown."""
 
 
 class Assumed:
-    """Nobody there: agrees to everything and has seen nothing (``--yes``)."""
+    """No operator (``--yes``): confirms everything and observes nothing."""
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         """Drop the line."""
 
     def confirm(self, question: str) -> bool:
@@ -36,14 +36,14 @@ class Assumed:
         return True
 
     def saw(self, question: str) -> bool | None:
-        """Nobody looked."""
+        """Return None: no observation."""
         return None
 
 
 def require(person: Person, question: str) -> None:
     """Raise NotReadyError unless the person agrees."""
     if not person.confirm(question):
-        raise NotReadyError("nothing was moved", hint="run the command again when the robot is ready")
+        raise NotReadyError("no wheel was moved", hint="run the command again when the robot is ready")
 
 
 STAND = "The wheels will turn. Is the robot on a stand, all wheels off the floor, and the motor supply on?"

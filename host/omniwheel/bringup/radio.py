@@ -158,7 +158,7 @@ def judge_radio(window: RadioWindow, loss_limit: float, round_trip_limit_s: floa
     }
     lossy = (
         "move closer and away from metal, raise the antenna; both radios need the same baud rate, channel and PAN id; "
-        "is LINKn_BUDGET above 60 % of the baud rate?"
+        "LINKn_BUDGET must be at most 60 % of the baud rate"
     )
     findings.judge(
         "loss",
@@ -179,7 +179,8 @@ def judge_radio(window: RadioWindow, loss_limit: float, round_trip_limit_s: floa
             slow <= round_trip_limit_s,
             f"median {1e3 * window.percentile_s(0.5):.0f} ms, 95 % within {1e3 * slow:.0f} ms "
             f"(limit {1e3 * round_trip_limit_s:.0f} ms)",
-            "the link queues: lower SRn_STATE and LINKn_BUDGET of the radio's link, or raise the baud rate",
+            "messages queue up in the link: lower SRn_STATE and LINKn_BUDGET of the radio's link, or raise the baud "
+            "rate",
         )
     if window.rssi is not None:
         findings.good("signal", f"RSSI {window.rssi}, at the robot {window.remote_rssi}")

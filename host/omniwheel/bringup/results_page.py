@@ -8,7 +8,7 @@ from pathlib import Path
 
 from omniwheel import files
 from omniwheel.bringup.result import Result
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 TITLE = "Bring-up"
 FILES = {"bringup.json": b'{\n  "ok": ', "bringup.md": f"# {TITLE}".encode()}
@@ -19,7 +19,7 @@ def as_markdown(results: Sequence[Result], title: str) -> str:
     """Return a table per check."""
     lines = [f"# {title}", ""]
     for result in results:
-        lines += [f"## {result.check}: {'pass' if result.ok else 'FAIL'}", "", "| | What | Seen |", "|---|---|---|"]
+        lines += [f"## {result.check}: {'pass' if result.ok else 'FAIL'}", "", "| | Item | Result |", "|---|---|---|"]
         lines += [f"| {'✓' if f.ok else '✗'} | {f.name} | {f.seen} |" for f in result.findings]
         lines += ["", *(f"- {advice}" for advice in result.advice)]
         lines += [""] if result.advice else []

@@ -25,25 +25,25 @@ DUTY = 0.15
 STOP_LIMIT_S = 0.5
 """From the robot's word until the last count."""
 WAIT_S = 30.0
-"""Somebody presses, or lets go, within this time."""
+"""Time limit for a press or a release."""
 PRESS = "The wheels turn. Press the stop button and keep it pressed"
-LET_GO = "Let the stop button go"
+LET_GO = "Release the stop button"
 NO_PIN = "none: the robot file has no stop_button_pin"
 STILL_OPEN = "stop button is still open"
-STOP_FIRST = "a stop came first"
+STOP_FIRST = "cancelled by a stop"
 """How the robot refuses a release because another sender has stopped it since."""
 _STEP_S = 0.2
 _WATCH_S = 1.0
 _WIRE = (
-    "is the button normally closed, between stop_button_pin and ground, and was the firmware built from the file with "
-    "that pin? (docs/guides/robot-file.md, Stop button)"
+    "check that the button is normally closed, between stop_button_pin and ground, and that the firmware was "
+    "built from the file with that pin (docs/guides/robot-file.md, Stop button)"
 )
 
 
 def check_stop_button(
     robot: Robot, person: Person, *, duty: float = DUTY, file: RobotFile | None = None, wait_s: float = WAIT_S
 ) -> Result:
-    """Turn the wheels slowly until somebody presses the button. Needs a stand, and a person.
+    """Turn the wheels slowly until the operator presses the button. Needs a stand.
 
     A robot whose ``file`` has no such pin passes, with a word. ``wait_s``: how long the person may take. Raises
     OtherStopError if another stop than the button's is on or comes meanwhile; it stays on.
@@ -58,7 +58,7 @@ def check_stop_button(
     with left_disarmed(robot) as others:
         robot.disarm()  # from now on the robot knows a stop of another sender as a later one
         if _press(robot, others, person, findings, duty, wait_s) and _held(others, findings):
-            _let_go(robot, others, person, findings, wait_s)
+            _release_button(robot, others, person, findings, wait_s)
     return findings.result()
 
 
@@ -69,7 +69,8 @@ def _closed(robot: Robot, findings: Findings) -> bool:
     findings.bad(
         "at rest",
         "the button holds the robot stopped, open or pressed before",
-        f"let it go and release the stop (`omni stop --release`), then run this again. If nobody pressed it: {_WIRE}",
+        "release the button and the stop (`omni stop --release`), then repeat the check. If it was not pressed: "
+        f"{_WIRE}",
     )
     return False
 
@@ -92,17 +93,17 @@ def _press(robot: Robot, others: OtherStops, person: Person, findings: Findings,
         def said() -> bool:
             return any(OPENED in text.text for text in robot.texts.since(mark))
 
-        person.tell(PRESS)
+        person.show(PRESS)
         pressed = _until(robot, said, wait_s, lambda: _turn(robot, others, layout, duty, said))
         if not pressed:
-            findings.bad("press", f"nothing heard of it within {wait_s:g} s", _WIRE)
+            findings.bad("press", f"no message of it within {wait_s:g} s", _WIRE)
             return False
         since_s = samples.all[-1].time_s
         stream_duty(robot, [duty] * layout.wheels, _WATCH_S)
         time_s = rest_time_s(samples, layout, since_s)
     findings.measured["rest_s"] = time_s
-    seen = "the wheels went on turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
-    advice = "do not drive: switch the motor supply off by hand and look for a bridge that is on by itself"
+    seen = "the wheels kept turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
+    advice = "do not drive: switch the motor supply off by hand and look for a defective bridge"
     stopped = time_s is not None and time_s <= STOP_LIMIT_S and safety_of(robot).state == "estop"
     return findings.judge("press", stopped, f"{seen} (limit {STOP_LIMIT_S:.2f} s)", advice)
 
@@ -120,8 +121,12 @@ def _held(others: OtherStops, findings: Findings) -> bool:
     refusal = _refusal_of_release(others)
     if refusal is not None:
         held = any(STILL_OPEN in reason for reason in refusal.reasons)
-        return findings.judge("held", held, "the release is refused", _WIRE)
-    findings.bad("held", "released while the button was pressed", f"keep it pressed until told otherwise; else {_WIRE}")
+        return findings.judge("held", held, "the release is rejected", _WIRE)
+    findings.bad(
+        "held",
+        "released while the button was pressed",
+        f"keep it pressed until you are prompted; if it was pressed: {_WIRE}",
+    )
     return False
 
 
@@ -137,7 +142,7 @@ def _refusal_of_release(others: OtherStops) -> CommandRefusedError | None:
     return None
 
 
-def _let_go(robot: Robot, others: OtherStops, person: Person, findings: Findings, wait_s: float) -> None:
+def _release_button(robot: Robot, others: OtherStops, person: Person, findings: Findings, wait_s: float) -> None:
     """Only a release leads out: until one is accepted the robot stays stopped."""
     released = False
     stayed = True
@@ -148,7 +153,7 @@ def _let_go(robot: Robot, others: OtherStops, person: Person, findings: Findings
         stayed = stayed and safety_of(robot).state == "estop"
         released = _refusal_of_release(others) is None
 
-    person.tell(LET_GO)
+    person.show(LET_GO)
     _until(robot, lambda: released, wait_s, try_release)
     robot.pump(_STEP_S)
     state = safety_of(robot).state

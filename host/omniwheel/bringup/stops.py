@@ -21,9 +21,9 @@ _HEARTBEAT_S = 1.0
 
 
 def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
-    """Try the emergency stop, the stop after the last set-point and the stop after the last heartbeat.
+    """Try the emergency stop, the stop after the last setpoint and the stop after the last heartbeat.
 
-    Raises OtherStopError if somebody else has stopped the robot or does so meanwhile; that stop stays on.
+    Raises OtherStopError if another station has stopped the robot or does so meanwhile; that stop is not released.
     """
     require(person, STAND)
     layout = layout_of(robot)
@@ -36,7 +36,7 @@ def check_stops(robot: Robot, person: Person, *, duty: float = DUTY) -> Result:
 
 def _judge_time(findings: Findings, name: str, time_s: float | None, limit_s: float, advice: str) -> bool:
     findings.measured[f"{name.replace(' ', '_')}_s"] = time_s
-    seen = "the wheels went on turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
+    seen = "the wheels kept turning" if time_s is None else f"wheels at rest after {time_s:.2f} s"
     ok = time_s is not None and time_s <= limit_s
     return findings.judge(name, ok, f"{seen} (limit {limit_s:.2f} s)", advice)
 
@@ -50,16 +50,16 @@ def _emergency_stop(
     since_s = samples.all[-1].time_s
     robot.estop()
     robot.pump(_WATCH_S)
-    advice = "do not drive: switch the motor supply off by hand and look for a bridge that is on by itself"
+    advice = "do not drive: switch the motor supply off by hand and look for a defective bridge"
     _judge_time(findings, name, rest_time_s(samples, layout, since_s), STOP_LIMIT_S, advice)
     try:
         robot.arm()
     except ArmingRefusedError:
-        findings.good("latch", "arming is refused until the emergency stop is released")
+        findings.good("latch", "arming is rejected until the e-stop is released")
     else:
         robot.disarm()
         findings.bad(
-            "latch", "the robot armed in an emergency stop", "do not drive: the firmware is broken, flash again"
+            "latch", "the robot armed during an e-stop", "do not drive: the firmware is damaged, flash it again"
         )
     others.release_own()
 
@@ -67,7 +67,7 @@ def _emergency_stop(
 def _command_loss(
     robot: Robot, others: OtherStops, findings: Findings, samples: Samples, layout: Layout, duty: float
 ) -> None:
-    name = "set-point loss"
+    name = "setpoint loss"
     limit_s = robot.parameters["SAFE_CMD_TO"]
     _timed_stop(
         robot,
@@ -110,7 +110,7 @@ def _timed_stop(
 ) -> None:
     """Turn the wheels, fall silent in some way, and see that the robot goes to failsafe in time."""
     if limit_s > LONGEST_TIMEOUT_S:
-        advice = f"omni params set {parameter}=3 (at most {LONGEST_TIMEOUT_S:g}), store it, run this again"
+        advice = f"omni params set {parameter}=3 (at most {LONGEST_TIMEOUT_S:g}), store it, repeat the check"
         findings.bad(name, f"{parameter} is {limit_s:g} s: too long to stop a robot", advice)
         return
     if not spin(robot, others, findings, samples, layout, duty, name):
@@ -120,8 +120,8 @@ def _timed_stop(
     others.require_no_estop()
     time_s = rest_time_s(samples, layout, since_s)
     advice = (
-        f"check {parameter}; is another ground station of the same MAVLink numbers connected, whose heartbeats count "
-        "too? Close it, run this again"
+        f"check {parameter}; close other ground stations with equal system and component ids, as their "
+        "heartbeats count too; repeat the check"
     )
     _judge_time(findings, name, time_s, limit_s + STOP_LIMIT_S, advice)
     status = safety_of(robot)

@@ -106,12 +106,12 @@ def _motor_rows(model: DriveModel) -> list[Row]:
             model.no_load_rad_s * float(np.mean(model.radius_m)),
             "m/s",
         ),
-        Row("stall_torque", "torque of a wheel, standing still", model.stall_torque_N_m, "N m"),
-        Row("stall_current", "current of a motor, standing still", model.stall_current_A, "A"),
-        Row("supply_current", "current of all motors, standing still", model.wheels * model.stall_current_A, "A"),
+        Row("stall_torque", "torque of a wheel, at standstill", model.stall_torque_N_m, "N m"),
+        Row("stall_current", "current of a motor, at standstill", model.stall_current_A, "A"),
+        Row("supply_current", "current of all motors, at standstill", model.wheels * model.stall_current_A, "A"),
         *_current_rows(model),
         Row("counts_per_mm", "encoder counts per millimetre", per_mm, "1/mm"),
-        Row("blocked", f"a blocked wheel is noticed, at {model.stall_V:g} V, after", model.blocked_s, "s"),
+        Row("blocked", f"detection of a blocked wheel, at {model.stall_V:g} V, after", model.blocked_s, "s"),
         Row("condition", "condition of the kinematics", model.condition, ""),
     ]
 
@@ -121,8 +121,8 @@ def _current_rows(model: DriveModel) -> list[Row]:
     rows = []
     if model.current_limit_A > 0.0:
         rows += [
-            Row("current_limit", "current of a motor that drives, at most", model.current_limit_A, "A", "LIM_I"),
-            Row("limited_torque", "torque of a wheel with that, standing still", model.limited_torque_N_m, "N m"),
+            Row("current_limit", "maximum current of a driving motor", model.current_limit_A, "A", "LIM_I"),
+            Row("limited_torque", "torque of a wheel at that current, at standstill", model.limited_torque_N_m, "N m"),
         ]
     if model.continuous_A > 0.0:
         rows.append(Row("hot", "a blocked motor is too hot, by SAFE_I, after", model.hot_s, "s"))
@@ -140,11 +140,11 @@ def _sensors(model: DriveModel) -> tuple[str, ...]:
     if flow:
         turn = " and the turn" if model.flow_axes > 2 else ""
         lines.append(
-            f"floor motion: the way{turn} since the start, whatever the wheels do; with encoders, "
+            f"floor odometry: the distance{turn} since the start, with any wheel slip; with encoders, "
             f"{slip_words(model, flow)} at a time"
         )
     if flow and model.gyro:
-        lines.append(f"gyro and floor motion: with encoders, {slip_words(model, (GYRO, *flow))} at a time")
+        lines.append(f"gyro and floor odometry: with encoders, {slip_words(model, (GYRO, *flow))} at a time")
     lines.append(
         "pose fixes (Vicon, or any program that sends them): the pose; with encoders, "
         f"{slip_words(model, (FIXES,))} over time"
@@ -160,15 +160,18 @@ def sensor_warnings(robot: Robot) -> list[str]:
     found = []
     name = flow.chip.name
     if values["FLOW_X"] or values["FLOW_Y"]:
-        found.append(f"A {name} tells the motion of the robot's centre: leave FLOW_X and FLOW_Y at 0.")
+        found.append(f"A {name} measures the motion of the robot's centre: leave FLOW_X and FLOW_Y at 0.")
     if values["FLOW_ANGLE"]:
-        found.append(f"A {name} is put right by its cables and `reversed`: leave FLOW_ANGLE at 0.")
+        found.append(f"The directions of a {name} are corrected by its cables and `reversed`: leave FLOW_ANGLE at 0.")
     places = {"x_wheel_mm": flow.x_wheel_mm, "y_wheel_mm": flow.y_wheel_mm}
     for key, value in places.items():
         if value == 0.0:
-            found.append(f"flow.{key} is 0: is that wheel in line with the robot's centre? If not, say where it is.")
+            found.append(
+                f"flow.{key} is 0: this means that the wheel is in line with the robot's centre. If not, set its "
+                "distance."
+            )
         elif abs(value) < 1.0:
-            found.append(f"flow.{key} = {value:g} is in millimetres: less than one is hardly meant.")
+            found.append(f"flow.{key} = {value:g} is in millimetres: less than 1 mm is implausible.")
     return found
 
 
@@ -184,14 +187,14 @@ def problems(model: DriveModel) -> list[str]:
     if not SLOWEST_M_S <= rim <= FASTEST_M_S:
         rpm, constant = model.no_load_rad_s * 30.0 / math.pi, model.constant_N_m_A
         found.append(
-            f"motor: a lifted wheel would turn at {rpm:.3g} rpm, its rim at {rim:.3g} m/s; believable is "
+            f"motor: a lifted wheel would turn at {rpm:.3g} rpm, its rim at {rim:.3g} m/s; plausible is "
             f"{SLOWEST_M_S:g} to {FASTEST_M_S:g} m/s. Check constant_N_m_A ({constant:g}, seen at the wheel: "
             "about supply_V divided by the no-load speed in rad/s), viscous_friction_N_m_s and supply_V"
         )
     if model.stall_current_A > MOST_CURRENT_A:
         found.append(
             f"motor.resistance_ohm: {model.resistance_ohm:g} ohm would let {model.stall_current_A:.0f} A flow in a "
-            f"stalled motor; believable is up to {MOST_CURRENT_A:g} A. It is supply_V divided by the stall current"
+            f"stalled motor; plausible is up to {MOST_CURRENT_A:g} A. It is supply_V divided by the stall current"
         )
     return found
 
@@ -212,21 +215,21 @@ def warnings(model: DriveModel) -> list[str]:
         if limit < HELD_BACK * could:
             found.append(
                 f"{name} = {value:g} holds the robot at {limit:.3g} m/s forward, its motors could {could:.3g} m/s. "
-                f"If that is not meant, set {name} in [parameters]."
+                f"If not intended, set {name} in [parameters]."
             )
     if limit_speed(model, direction(0.0)) > 1.05 * could and model.speed_limit_m_s > 1.05 * could:
         found.append(
-            f"LIM_WHEEL = {model.wheel_limit_rad_s:g} rad/s is more than the motors can ({could:.3g} m/s forward): "
+            f"LIM_WHEEL = {model.wheel_limit_rad_s:g} rad/s is more than the motors reach ({could:.3g} m/s forward): "
             "a path planned for it cannot be followed."
         )
     if model.blocked_s > SLOW_TO_NOTICE * model.stall_s:
         found.append(
             f"A blocked wheel is noticed after {model.blocked_s:.2g} s, not SAFE_STALL_T = {model.stall_s:g} s: "
-            f"{model.counts_per_revolution:g} counts per turn come too seldom. An encoder with more counts helps."
+            f"{model.counts_per_revolution:g} counts per turn are too few. Use an encoder with more counts."
         )
     if model.current_limit_A >= model.stall_current_A:
         found.append(
-            f"LIM_I = {model.current_limit_A:g} A never acts: a motor that stands still takes "
+            f"LIM_I = {model.current_limit_A:g} A never acts: a stalled motor takes "
             f"{model.stall_current_A:.3g} A. Lower it, or set it to 0."
         )
     elif model.current_limit_A > 0.0 and model.limited_torque_N_m == 0.0:
@@ -236,7 +239,7 @@ def warnings(model: DriveModel) -> list[str]:
     grip, motors = (bound.value for bound in reversed(acceleration_bounds(model, direction(0.0))))
     possible = min(grip, motors)
     if model.acceleration_limit_m_s2 > possible:
-        cause = "the floor holds" if grip < motors else "the motors push"
+        cause = "the grip of the floor" if grip < motors else "the force of the motors"
         found.append(
             f"LIM_A = {model.acceleration_limit_m_s2:g} m/s^2 is more than {cause} forward ({possible:.3g} m/s^2)."
         )

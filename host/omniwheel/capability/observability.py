@@ -16,7 +16,7 @@ import numpy as np
 
 from omniwheel.capability.drive_model import DriveModel
 
-GYRO, FLOW, FLOW_TURN, FIXES = "gyro", "floor motion", "floor motion and turn", "fixes"
+GYRO, FLOW, FLOW_TURN, FIXES = "gyro", "floor odometry", "floor odometry with turn", "fixes"
 _AXES = {GYRO: (2,), FLOW: (0, 1), FLOW_TURN: (0, 1, 2), FIXES: (0, 1, 2)}
 """Axes of the body's motion, x, y, theta, that each tells."""
 

@@ -25,7 +25,7 @@ def draw_speeds(model: DriveModel, title: str, path: Path) -> None:
 
     angles = np.linspace(0.0, 2.0 * math.pi, FINE + 1)
     curves = (
-        ("motors alone", [motor_speed(model, direction(a)) for a in angles], GREY, "--"),
+        ("motors' limit alone", [motor_speed(model, direction(a)) for a in angles], GREY, "--"),
         ("LIM_WHEEL", [limit_speed(model, direction(a)) for a in angles], WANTED, "-."),
         ("LIM_V", [model.speed_limit_m_s] * len(angles), MARK, ":"),
     )

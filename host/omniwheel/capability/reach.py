@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Whether a robot can follow a set-point: asked before it arms, so that nothing is shortened in silence.
+"""Whether a robot can follow a setpoint: asked before it arms, so that nothing is shortened in silence.
 
 The robot scales a velocity that its wheels cannot follow, and refuses one beyond LIM_V or LIM_W. These functions say so
 beforehand, with the limit's name, its value and what to do.
@@ -75,15 +75,17 @@ def _refusal(model: DriveModel, twist: Twist, bound: Bound, body: Array) -> Limi
     motors = motor_speed(model, body) * unit[1]
     also = f" with {twist.wz:g} rad/s" if speed > 0.0 and twist.wz else ""
     limit, reached = _limit_text(model, bound.cause), bound.value * unit[1]
-    message = f"asked {unit[1]:.3g} {unit[0]}{also}; this robot reaches {reached:.3g} {unit[0]} of that: {limit}"
-    known = partial(LimitError, limit=bound.cause, asked=unit[1], possible=reached)
+    message = f"requested {unit[1]:.3g} {unit[0]}{also}; its limit is {reached:.3g} {unit[0]} of that: {limit}"
+    refusal = partial(LimitError, limit=bound.cause, asked=unit[1], possible=reached)
     if bound.cause == MOTORS:
-        return known(message, hint="ask for less; `omni robots check` shows what the robot can do")
+        return refusal(message, hint="reduce the setpoint; `omni robots check` shows the robot's limits")
     needed = _needed(model, bound.cause, twist, body)
     if motors * _ROUNDING < unit[1]:
-        return known(f"{message}; its motors could {motors:.3g}", hint="ask for less: no limit helps here")
-    hint = f"ask for less, or on a robot that may go so fast: omni params set {bound.cause}={needed:.3g}"
-    return known(f"{message}; its motors could {motors:.3g}", hint=hint)
+        return refusal(
+            f"{message}; its motors could {motors:.3g}", hint="reduce the speed: the motors cannot go faster"
+        )
+    hint = f"reduce the setpoint, or raise the limit, if that is safe: omni params set {bound.cause}={needed:.3g}"
+    return refusal(f"{message}; its motors could {motors:.3g}", hint=hint)
 
 
 def _limit_text(model: DriveModel, cause: str) -> str:
@@ -91,7 +93,7 @@ def _limit_text(model: DriveModel, cause: str) -> str:
         "LIM_WHEEL": f"LIM_WHEEL is {model.wheel_limit_rad_s:g} rad/s",
         "LIM_V": f"LIM_V is {model.speed_limit_m_s:g} m/s",
         "LIM_W": f"LIM_W is {model.turn_limit_rad_s:g} rad/s",
-        MOTORS: f"its motors cannot do more at {model.supply_V:g} V",
+        MOTORS: f"the motors at {model.supply_V:g} V",
     }[cause]
 
 
@@ -114,9 +116,9 @@ def check_pose(pose: Pose, position_limit_m: float) -> None:
             )
     if abs(pose.theta) > 2.0 * math.pi:
         raise LimitError(
-            f"theta = {pose.theta:g} rad is more than a turn",
-            hint=f"radians are meant; for degrees write {pose.theta:g}deg",
-            limit="a turn",
+            f"theta = {pose.theta:g} rad is more than one turn",
+            hint=f"angles are in radians; for degrees write {pose.theta:g}deg",
+            limit="one turn",
             asked=abs(pose.theta),
             possible=math.tau,
         )
@@ -139,5 +141,5 @@ def check_wheel_count(duty: Sequence[float], wheels: int) -> None:
     """Raise LimitError unless there is one duty for each wheel."""
     if len(duty) != wheels:
         raise LimitError(
-            f"{len(duty)} duties for {wheels} wheels", hint="give one number per wheel; 0 leaves a wheel alone"
+            f"{len(duty)} duties for {wheels} wheels", hint="give one number per wheel; 0 switches a wheel off"
         )

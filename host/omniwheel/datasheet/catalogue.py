@@ -46,7 +46,7 @@ def find_motor(name: str) -> GearMotor:
     motors = catalogue()
     if name not in motors:
         raise DataSheetError(
-            f"the catalogue has no motor {name}{did_you_mean(name, list(motors))}",
+            f"unknown motor {name}{did_you_mean(name, list(motors))}",
             hint="`omni robots motors` lists them; numbers of other data sheets go into --no-load-rpm, ...",
         )
     return motors[name]

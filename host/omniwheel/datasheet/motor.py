@@ -97,13 +97,13 @@ def _check(motor: GearMotor) -> None:
         ("the encoder's lines", motor.encoder_lines),
     ):
         if value is not None and not (math.isfinite(value) and value > 0.0):
-            raise DataSheetError(f"{label} is {value:g}; a number above 0 is needed")
+            raise DataSheetError(f"{label} is {value:g}; must be a number above 0")
     idle, stall = motor.no_load_current_A, motor.stall_current_A
     if idle is not None and not (math.isfinite(idle) and idle >= 0.0):
-        raise DataSheetError(f"the no-load current is {idle:g} A; 0 or more is needed")
+        raise DataSheetError(f"the no-load current is {idle:g} A; must be 0 or more")
     if idle is not None and stall is not None and idle > 0.5 * stall:
         raise DataSheetError(
-            f"the no-load current is {idle:g} A, the stall current {stall:g} A: below half of it is believable",
+            f"the no-load current is {idle:g} A, the stall current {stall:g} A: must be below half of it",
             hint="both are needed in ampere, at the same voltage",
         )
 
@@ -115,7 +115,7 @@ def _check_torque(motor: GearMotor, constant: float) -> None:
     most = constant * motor.stall_current_A
     if motor.stall_torque_N_m > 1.05 * most:
         raise DataSheetError(
-            f"{motor.stall_torque_N_m:.3g} N m at stall cannot be: {motor.stall_current_A:g} A at "
+            f"{motor.stall_torque_N_m:.3g} N m at stall is impossible: {motor.stall_current_A:g} A at "
             f"{constant:.3g} V s/rad make {most:.3g} N m at most",
             hint="check the torque's unit (1 kg.cm is 0.0981 N.m); all numbers must be of one voltage and one shaft",
         )

@@ -83,13 +83,13 @@ def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path
 def robot_file_text(name: str, answers: RobotAnswers) -> str:
     """Return the file without its derived limits."""
     if answers.wheels not in TEMPLATES:
-        raise DataSheetError(f"{answers.wheels} wheels: 3 or 4 are needed")
+        raise DataSheetError(f"{answers.wheels} wheels; must be 3 or 4")
     model = motor_model(answers.motor)
     template = find_robot_file(TEMPLATES[answers.wheels])
     wiring = section_text(template.read_text(encoding="utf-8-sig"), "wiring")
     head = (
         f"# SPDX-License-Identifier: MIT\n# {name}: written by `omni robots new` from data-sheet numbers.\n"
-        "# Each line says where its number came from.\n# What is assumed is worth measuring: omni identify.\n"
+        "# Each line names the source of its number.\n# Measure the assumed numbers: omni identify.\n"
     )
     return "".join(
         (
@@ -121,7 +121,7 @@ def _body(name: str, answers: RobotAnswers, model: MotorModel) -> Changes:
             round(4.0 * DEFAULT_LINES) if counts is None else counts,
             f"assumed: {encoder}" if counts is None else encoder,
         ),
-        "encoder.direction": ([1] * wheels, "bring-up finds the signs"),
+        "encoder.direction": ([1] * wheels, "`omni bringup` finds the signs"),
         "motor.inertia_kg_m2": (
             model.inertia_kg_m2,
             f"assumed: rotor and gear alone run up in {MECHANICAL_S * 1e3:g} ms",
@@ -137,7 +137,7 @@ def _body(name: str, answers: RobotAnswers, model: MotorModel) -> Changes:
         ),
         "motor.inductance_H": (model.inductance_H, f"assumed: {ELECTRICAL_S * 1e3:g} ms times the resistance"),
         "motor.supply_V": (supply_V, "the motor's rated voltage" if answers.supply_V is None else "given"),
-        "motor.direction": ([1] * wheels, "bring-up finds the signs"),
+        "motor.direction": ([1] * wheels, "`omni bringup` finds the signs"),
     }
 
 
@@ -193,7 +193,7 @@ def derived_limits(model: DriveModel) -> Changes:
 
 
 def current_limits(answers: RobotAnswers) -> Changes:
-    """Return the limits that follow from the bridge; none where nobody knows it, or where it never chops.
+    """Return the limits that follow from the bridge; none if it is unknown or never reached.
 
     The model's current makes the data sheet's torque, so it is smaller than the winding's by what the gear loses. Only
     the sheet's stall current tells by how much. Raises DataSheetError without it.
@@ -202,10 +202,10 @@ def current_limits(answers: RobotAnswers) -> Changes:
     if bridge_A is None:
         return {}
     if not (math.isfinite(bridge_A) and bridge_A > 0.0):
-        raise DataSheetError(f"the bridge's current is {bridge_A:g} A; a number above 0 is needed")
+        raise DataSheetError(f"the bridge's current is {bridge_A:g} A; must be a number above 0")
     if motor.stall_current_A is None:
         raise DataSheetError(
-            "the bridge's current does not tell the motor's limit without the motor's stall current",
+            "the motor's current limit cannot be computed from --bridge-current without --stall-current",
             hint="give --stall-current, or leave --bridge-current out and set LIM_I by hand",
         )
     supply_V = motor.voltage_V if answers.supply_V is None else answers.supply_V

@@ -72,7 +72,7 @@ def find_run(root: Path, name: str) -> RunEntry:
         entry = _entry(folder) if folder.is_dir() else None
         if entry is not None:
             return entry
-    raise LogError(f"there is no run {name} in {root}", hint="`omni runs` lists them; --folder names another folder")
+    raise LogError(f"unknown run {name} in {root}", hint="`omni runs` lists them; --folder names another folder")
 
 
 def compare(one: RunEntry, other: RunEntry) -> list[tuple[str, float | None, float | None]]:
@@ -106,10 +106,10 @@ def _fact(title: str, value: float) -> str:
 def rename_run(entry: RunEntry, name: str) -> Path:
     """Give a run's folder another name; raises LogError if it cannot have it."""
     if not _NAME.fullmatch(name) or not name.strip("."):
-        raise LogError(f"{name!r} cannot be a run's name", hint="letters, digits, _ . and -, no more than 100")
+        raise LogError(f"{name!r} is not a valid run name", hint="letters, digits, _ . and -, no more than 100")
     target = entry.folder.with_name(name)
     if target.exists():
-        raise LogError(f"there is already a run {name}", hint="choose another name")
+        raise LogError(f"the folder already has a run {name}", hint="choose another name")
     return entry.folder.rename(target)
 
 

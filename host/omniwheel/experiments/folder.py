@@ -12,7 +12,7 @@ from matplotlib.figure import Figure as Drawing
 
 from omniwheel import files
 from omniwheel.experiments.outcome import Outcome, Panel
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 from omniwheel.plot_style import INK, MARK, STYLE, TRUTH, WANTED
 
 NUMBERS_FILE, BURST_FILE, PICTURE_FILE = "experiment.json", "burst.npz", "experiment.png"

@@ -103,7 +103,7 @@ class PositionSetup:
         limit = ERROR_SHARE * self.values[f"SAFE_ERR_{name}"]
         if size == 0.0 or abs(size) > limit:
             hint = f"--amplitude up to {limit:g}, and not 0"
-            raise LimitError(f"a size of {size:g} {UNITS[plan.axis]} cannot be", hint=hint)
+            raise LimitError(f"an amplitude of {size:g} {UNITS[plan.axis]} is invalid", hint=hint)
         return replace(plan, amplitude=size)
 
     def _largest(self, axis: str) -> float:
@@ -188,7 +188,7 @@ def position_sweep(robot: Robot, plan: PositionPlan, room_m: float, tell: Tell) 
     sweep = Sweep(reference, burst.period_s, plan.from_hz, plan.to_hz, SMOOTHED_HZ)
     answer = sweep.response(pose)
     if not answer.credible.any():
-        raise ExperimentError("the robot's answer drowns in noise", hint="a larger --amplitude or --time")
+        raise ExperimentError("the response is below the noise", hint="use a larger --amplitude or --time")
     opened = sweep.response(pose, reference - pose)
     model = setup.open_loop(plan.axis, answer.frequency_hz)
     closed = None if model is None else np.asarray(model / (1.0 + model), dtype=np.complex128)
@@ -219,7 +219,7 @@ def disturbance(robot: Robot, plan: PushPlan, room_m: float, tell: Tell) -> Outc
         Figure("speed_rad_s", "largest speed of the wheel", "rad/s", float(np.max(np.abs(speed)))),
         Figure("moved_m", "largest way", "m", float(np.max(moved))),
         Figure("turned_rad", "largest turn", "rad", float(np.max(np.abs(turned)))),
-        Figure("left_m", "way that is left at the end", "m", float(moved[-1])),
+        Figure("left_m", "position error at the end", "m", float(moved[-1])),
     ]
     panels = [
         Panel("wheel speed", "time [s]", "[rad/s]", [Line("measured", burst.time_s, speed)]),
@@ -254,7 +254,7 @@ def chosen_push(robot: Robot, plan: PushPlan) -> tuple[PushPlan, Check[PushPlan]
 
 
 def _silent(_: str) -> None:
-    """Tell nobody."""
+    """Report no progress."""
 
 
 def _sweeping(setup: PositionSetup, plan: PositionPlan) -> PositionPlan:
@@ -266,7 +266,7 @@ def _sweeping(setup: PositionSetup, plan: PositionPlan) -> PositionPlan:
 
 def _filled_push(setup: PositionSetup, plan: PushPlan) -> PushPlan:
     if not 1 <= plan.wheel <= setup.model.wheels:
-        raise LimitError(f"there is no wheel {plan.wheel}", hint=f"1 to {setup.model.wheels}")
+        raise LimitError(f"unknown wheel {plan.wheel}", hint=f"1 to {setup.model.wheels}")
     if math.isfinite(plan.amplitude_V):
         return plan
     return replace(plan, amplitude_V=PUSH_SHARE * setup.model.duty_limit * setup.model.supply_V)
@@ -276,7 +276,7 @@ def _check(setup: PositionSetup, claims: Claims, room_m: float, tell: Tell) -> N
     limit = setup.model.wheel_limit_rad_s
     if claims.wheel_rad_s > limit:
         message = f"wheels would turn at {claims.wheel_rad_s:.3g} rad/s; LIM_WHEEL is {limit:.3g}"
-        raise LimitError(message, hint="a smaller --amplitude")
+        raise LimitError(message, hint="use a smaller --amplitude")
     require_duty(claims, DUTY_SHARE * setup.model.duty_limit)
     require_room(claims, room_m)
     tell(claims.sentence())

@@ -49,7 +49,7 @@ LOOP_KINDS = (
     Kind("speed_rad_s", "largest speed of the wheel", "rad/s", 1.0, 3),
     Kind("moved_m", "largest way", "mm", 1e3, 2),
     Kind("turned_rad", "largest turn", "mrad", 1e3, 2),
-    Kind("left_m", "way that is left", "mm", 1e3, 2),
+    Kind("left_m", "position error at the end", "mm", 1e3, 2),
 )
 """The figures of loop experiments that say something of gains. A bandwidth is higher or lower, not better or worse."""
 _SMALLEST = ("amplitude_rad_s", "amplitude", "amplitude_V", "speed_rad_s")
@@ -134,7 +134,7 @@ class Loop(Repeated):
     kinds = LOOP_KINDS
 
     def __init__(self, name: str, signal: Signal, room_m: float, tell: Tell) -> None:
-        self.name, self._room_m, self._tell = name, room_m, tell
+        self.name, self._room_m, self._report_progress = name, room_m, tell
         self._plan, self._chosen, self._run = _LOOPS[name](signal)
 
     def prepare(self, robot: Robot, sets: Sets, use: Use) -> None:
@@ -151,14 +151,14 @@ class Loop(Repeated):
 
     def run(self, robot: Robot) -> tuple[Outcome, Mapping[str, float]]:
         """Run it with the common signal."""
-        outcome = self._run(robot, self._plan, self._room_m, self._tell)
-        self._tell = _silent  # what it needs is said once
+        outcome = self._run(robot, self._plan, self._room_m, self._report_progress)
+        self._report_progress = _silent  # what it needs is said once
         known = {figure.key: figure.measured for figure in outcome.figures}
         return outcome, {kind.key: known[kind.key] for kind in self.kinds if kind.key in known}
 
 
 def _silent(_: str) -> None:
-    """Tell nobody."""
+    """Report no progress."""
 
 
 def common(plans: Sequence[Plan]) -> Plan:

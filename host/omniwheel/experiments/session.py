@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Runs one excitation on a connected robot: arms, keeps set-points coming, watches, records, disarms.
+"""Runs one excitation on a connected robot: arms, keeps setpoints coming, watches, records, disarms.
 
 Everything that an experiment needs of a robot stands here once. What is excited, and what is made of the burst, is the
 matter of each experiment.
@@ -18,7 +18,7 @@ from omniwheel.robot import Robot
 from omniwheel.tuning import ExperimentError
 
 REPEAT_S = 0.15
-"""How often a set-point is sent: beside telemetry, a radio of 9600 baud carries no more.
+"""How often a setpoint is sent: beside telemetry, a radio of 9600 baud carries no more.
 
 One that is lost must not make the last older than SAFE_CMD_TO, 0.5 s by default: so it cannot be much longer.
 """
@@ -50,7 +50,7 @@ class Claims:
 
     def sentence(self) -> str:
         """Return it for a person."""
-        room = f"a square of {self.room_m:.2f} m" if self.room_m > 0.0 else "no room (wheels in the air)"
+        room = f"a square of {self.room_m:.2f} m" if self.room_m > 0.0 else "no free floor (wheels lifted)"
         return (
             f"needs {room}; wheels up to {self.wheel_rad_s:.3g} rad/s ({self.rim_m_s:.3g} m/s), "
             f"turning at {self.turn_rad_s:.3g} rad/s, duty up to {self.duty:.2f}"
@@ -71,9 +71,9 @@ class Excitation:
 
 @dataclass(frozen=True)
 class Procedure:
-    """An excitation, the set-point around it, and what is recorded.
+    """An excitation, the setpoint around it, and what is recorded.
 
-    ``keep`` sends the set-point once, ``mode`` is what the robot then says that it follows, ``settle_s`` how long it
+    ``keep`` sends the setpoint once, ``mode`` is what the robot then says that it follows, ``settle_s`` how long it
     takes to get there. ``stop`` sends what brings it to rest again.
     """
 
@@ -91,14 +91,16 @@ class Procedure:
 def require_room(claims: Claims, room_m: float) -> None:
     """Raise LimitError if the experiment needs more room than there is."""
     if claims.room_m > room_m:
-        hint = f"--room {math.ceil(100.0 * claims.room_m) / 100.0:g} if there is so much, or a smaller --amplitude"
-        raise LimitError(f"the experiment needs a square of {claims.room_m:.2f} m; {room_m:g} m are there", hint=hint)
+        hint = f"--room {math.ceil(100.0 * claims.room_m) / 100.0:g} if that is free, or a smaller --amplitude"
+        raise LimitError(
+            f"the experiment needs a free square of {claims.room_m:.2f} m; {room_m:g} m are free", hint=hint
+        )
 
 
 def require_duty(claims: Claims, limit: float) -> None:
     """Raise LimitError if the voltages would be cut: the answer would be that of the supply."""
     if claims.duty > limit:
-        hint = "a smaller --amplitude or --speed"
+        hint = "use a smaller --amplitude or --speed"
         raise LimitError(f"the experiment needs a duty of {claims.duty:.2f}; LIM_DUTY leaves {limit:.2f}", hint=hint)
 
 
@@ -136,14 +138,14 @@ def run_excitation(robot: Robot, procedure: Procedure) -> Burst:
 
 
 class _Watch:
-    """Sends the set-point again and again, and looks whether anything is odd."""
+    """Sends the setpoint again and again, and looks whether anything is odd."""
 
     def __init__(self, robot: Robot, procedure: Procedure) -> None:
         self._robot, self._procedure = robot, procedure
         self._start: Pose | None = None
 
     def keep(self) -> None:
-        """Send the set-point, unless something is odd: then ExperimentError."""
+        """Send the setpoint, unless something is odd: then ExperimentError."""
         self._check_state()
         self._check_place()
         self._check_slip()
@@ -155,7 +157,7 @@ class _Watch:
         except StoppedError as error:
             raise ExperimentError(str(error), hint=error.hint) from error
         if self._robot.status.heartbeat_age_s > SILENT_S:
-            raise ExperimentError(f"nothing from the robot for {SILENT_S:g} s", hint="is the link still there?")
+            raise ExperimentError(f"no message from the robot for {SILENT_S:g} s", hint="check the link")
 
     def _check_place(self) -> None:
         tracking, claims = self._robot.status.tracking, self._procedure.claims
@@ -166,8 +168,8 @@ class _Watch:
         gone_m = math.hypot(tracking.pose.x - self._start.x, tracking.pose.y - self._start.y)
         if gone_m > claims.travel_m + SLACK_M:
             raise ExperimentError(
-                f"the robot left its room: {gone_m:.2f} m from its start, {claims.travel_m:.2f} m were expected",
-                hint="does a wheel turn freely, or the floor slope?",
+                f"the robot left its free square: {gone_m:.2f} m from its start, {claims.travel_m:.2f} m were expected",
+                hint="check for a free-turning wheel and a sloped floor",
             )
 
     def _check_slip(self) -> None:
@@ -176,4 +178,6 @@ class _Watch:
             return
         slip_m_s = max(abs(value) for value in wheels.slip_m_s)
         if slip_m_s > max(SLIP_SHARE * claims.rim_m_s, SLIP_M_S):
-            raise ExperimentError(f"the wheels slip at {slip_m_s:.2f} m/s", hint="a smaller --amplitude, another floor")
+            raise ExperimentError(
+                f"the wheels slip at {slip_m_s:.2f} m/s", hint="use a smaller --amplitude or another floor"
+            )

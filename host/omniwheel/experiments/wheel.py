@@ -68,8 +68,8 @@ class WheelSetup:
         self.values = {name: robot.parameters[name] for name in READ}
         self.model = robot.drive_model()
         if not 0 <= plan.wheel <= self.model.wheels:
-            hint = f"1 to {self.model.wheels}, or 0 for all of them alike"
-            raise LimitError(f"there is no wheel {plan.wheel}", hint=hint)
+            hint = f"1 to {self.model.wheels}, or 0 for all wheels"
+            raise LimitError(f"unknown wheel {plan.wheel}", hint=hint)
         self.plan = plan
         self.wheels = list(range(self.model.wheels)) if plan.wheel == ALL else [plan.wheel - 1]
         self._volts = self._volts_per_wanted()
@@ -140,10 +140,10 @@ class WheelSetup:
         model, claims = self.model, self.claims
         if claims.wheel_rad_s > model.wheel_limit_rad_s:
             message = f"wheels would turn at {claims.wheel_rad_s:.3g} rad/s; LIM_WHEEL is {model.wheel_limit_rad_s:.3g}"
-            raise LimitError(message, hint="a smaller --speed or --amplitude")
+            raise LimitError(message, hint="use a smaller --speed or --amplitude")
         if claims.turn_rad_s > model.turn_limit_rad_s:
             message = f"the robot would turn at {claims.turn_rad_s:.3g} rad/s; LIM_W is {model.turn_limit_rad_s:.3g}"
-            raise LimitError(message, hint="a smaller --speed or --amplitude")
+            raise LimitError(message, hint="use a smaller --speed or --amplitude")
         require_duty(claims, DUTY_SHARE * model.duty_limit)
         require_room(claims, room_m)
         return claims
@@ -191,8 +191,8 @@ def _filled(plan: WheelPlan, model: DriveModel, values: Mapping[str, float], vol
         amplitude = min(AMPLITUDE_SHARE * speed, 0.95 * left / volts_per_wanted)
     if speed <= 0.0 or amplitude == 0.0 or abs(amplitude) > speed:
         raise LimitError(
-            f"{amplitude:g} rad/s on {speed:g} rad/s: a wheel would stand or reverse",
-            hint="--amplitude smaller than --speed, and neither of them 0",
+            f"{amplitude:g} rad/s on {speed:g} rad/s: a wheel would stop or reverse",
+            hint="--amplitude must be smaller than --speed, and neither 0",
         )
     return replace(plan, speed_rad_s=speed, amplitude_rad_s=amplitude)
 

@@ -32,7 +32,7 @@ Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 
 NO_MODEL = "no prediction: the model needs KF_MODE = angle and WS_D = 0"
-CUT = "duties came to their limit: repeat it with a smaller --amplitude"
+CUT = "duties reached their limit: repeat it with a smaller --amplitude"
 LOWEST_HZ = 0.5
 SWEPT_BANDWIDTHS = 2.0
 MOST_HZ, LEAST_HZ = 250.0, 20.0
@@ -74,7 +74,7 @@ def wheel_chirp(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Out
     sweep = Sweep(seen.wanted, TICK_S, setup.plan.from_hz, setup.plan.to_hz)
     answer = sweep.response(seen.counted)
     if not answer.credible.any():
-        raise ExperimentError("the wheel's answer drowns in noise", hint="a larger --amplitude or --duration")
+        raise ExperimentError("the response is below the noise", hint="use a larger --amplitude or --duration")
     loop = setup.loop(sweep.frequency_hz)
     figures, panels = [], []
     if loop is None:

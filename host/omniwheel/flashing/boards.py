@@ -43,12 +43,14 @@ def choose_board(port: str | None, *, blank: bool) -> Board:
     names = tuple(port.device for port in found)
     waiting = bootloaders()
     if waiting is not None and waiting > 1:
-        raise FlashError(f"{waiting} Teensys wait in their bootloaders: any of them could be taken", hint=_UNPLUG)
+        raise FlashError(
+            f"{waiting} Teensys wait in their bootloaders: the upload could go to any of them", hint=_UNPLUG
+        )
     if blank:
         return Board(None, names)
     if waiting:
         if found:
-            what = "one Teensy waits in its bootloader and would be taken instead"
+            what = "another Teensy waits in its bootloader and would be flashed instead"
             raise FlashError(what, hint="--blank uploads to that one; unplug it to upload to the other")
         return Board(None)
     return Board(_one_port(port, found, only_ours_waits=waiting == 0))
@@ -58,7 +60,7 @@ def _one_port(wanted: str | None, found: list[Port], *, only_ours_waits: bool) -
     names = ", ".join(port.device for port in found) or "none"
     if wanted is not None and wanted not in [port.device for port in found]:
         known = wanted in [port.device for port in serial_ports()]
-        problem = f"{wanted} is not a Teensy" if known else f"there is no port {wanted}"
+        problem = f"{wanted} is not a Teensy" if known else f"no such port {wanted}"
         raise FlashError(problem, hint=f"Teensys: {names}")
     if not found:
         hint = "plug it in by a USB cable that carries data; a board that never had a serial port needs --blank"

@@ -28,7 +28,7 @@ _END_OF_FILE = ":00000001FF"
 _LARGEST_FILE = 16 * 1024 * 1024
 _LABEL = b"omniwheel wiring id\0"
 """Words in flash memory before the image's wiring id, 32 bit (firmware/boards/teensy40/main.cpp)."""
-_AGAIN = "get the file again, or build it again"
+_AGAIN = "download the file again, or rebuild it"
 
 
 @dataclass(frozen=True)
@@ -74,13 +74,13 @@ def _wiring_id(program: bytes) -> int:
 def _content(path: Path) -> bytes:
     try:
         if path.exists() and not path.is_file():  # a device may have no end
-            raise HexFileError(f"{path} is no file", hint="give the path of a .hex file")
+            raise HexFileError(f"{path} is not a file", hint="give the path of a .hex file")
         with path.open("rb") as file:
             content = file.read(_LARGEST_FILE + 1)
     except OSError as error:
         raise HexFileError(f"{path} cannot be read: {error.strerror}", hint="give the path of a .hex file") from error
     if len(content) > _LARGEST_FILE:
-        raise HexFileError(f"{path}: its bytes are more than a Teensy's program can have", hint=_AGAIN)
+        raise HexFileError(f"{path}: it is larger than a Teensy's program memory", hint=_AGAIN)
     if not content.strip():
         raise HexFileError(f"{path} is empty", hint=_AGAIN)
     return content
@@ -104,9 +104,9 @@ def _parsed(path: Path, content: bytes) -> Any:
     except IntelHexError as error:
         raise HexFileError(f"{path} is damaged: {error}", hint=_AGAIN) from error
     if lines[-1].upper() != _END_OF_FILE:
-        raise HexFileError(f"{path} is cut short: its last line is not the end-of-file record", hint=_AGAIN)
+        raise HexFileError(f"{path} is truncated: its last line is not the end-of-file record", hint=_AGAIN)
     if len(memory) == 0:
-        raise HexFileError(f"{path} holds no program", hint=_AGAIN)
+        raise HexFileError(f"{path} has no program", hint=_AGAIN)
     return memory
 
 

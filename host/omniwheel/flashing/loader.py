@@ -29,8 +29,8 @@ LOADER_S = 120.0
 """How long the loader may take, a person on the way to the button included."""
 POLL_S = 0.1
 CUT_SHORT = (
-    "press the button on the board and run the same command with --blank; the bootloader cannot be overwritten, and "
-    "until an upload is complete the board runs nothing, or what it ran before"
+    "press the button on the board and run the same command with --blank; the bootloader cannot be "
+    "overwritten, and until an upload is complete the board runs no program or its old one"
 )
 
 
@@ -65,7 +65,7 @@ def enter_bootloader(
     try:
         serial.Serial(board.port.device, REBOOT_BAUD).close()
     except (OSError, serial.SerialException) as error:
-        hint = "does another program use it? `omni doctor` tells whether you may open it"
+        hint = "check whether another program uses it; `omni doctor` checks its permissions"
         raise FlashError(f"{board.port.device} cannot be opened: {error}", hint=hint) from error
     deadline = clock() + LEAVE_S
     gone = False

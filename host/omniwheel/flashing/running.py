@@ -54,7 +54,7 @@ def wait_for_firmware(
     answers.
     """
     begin = clock()
-    last = "its port did not come back; unplug it, plug it in and look at the lamp"
+    last = "its port did not reappear; unplug it, plug it in and check its LED"
     while clock() < begin + timeout_s:
         port = _port_of(board)
         left = left or port is None
@@ -66,9 +66,9 @@ def wait_for_firmware(
         if port and answer and (left or answer.uptime_s < clock() - began_s):
             return Flashed(port.device, _checked(port, answer.version, git_hash))
         if answer:
-            last = f"the firmware that ran before the upload still answers; {CUT_SHORT}"
+            last = f"the old firmware still responds; {CUT_SHORT}"
         sleep(_POLL_S)
-    raise FlashError(f"the board did not answer within {timeout_s:.0f} s of the upload", hint=last)
+    raise FlashError(f"the board did not respond within {timeout_s:.0f} s of the upload", hint=last)
 
 
 def _port_of(board: Board) -> Port | None:
@@ -91,6 +91,6 @@ def _checked(port: Port, version: RobotVersion, git_hash: str) -> RobotVersion:
     if git_hash.strip("0") and version.git_hash and version.git_hash != git_hash:
         raise FlashError(
             f"{port.device} runs {version}, not the {git_hash[:8]} just built",
-            hint="the upload did not reach it: press the button on the board and try again with --blank",
+            hint="the upload went to another board or failed: press the button on the board and try again with --blank",
         )
     return version

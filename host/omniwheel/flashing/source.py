@@ -92,9 +92,9 @@ def _why_it_failed() -> str:
     parts = ("platforms/teensy", "packages/framework-arduinoteensy", "packages/toolchain-gccarmnoneeabi-teensy")
     missing = [part for part in parts if not (core_dir() / part).is_dir()]
     if not missing:
-        return "its own words are above"
+        return "its output is above"
     return (
-        f"its own words are above; {core_dir()} has no {missing[0]} yet: PlatformIO fetches it in the first build, "
+        f"its output is above; {core_dir()} has no {missing[0]} yet: PlatformIO fetches it in the first build, "
         "which needs the network (HTTPClientError: there is none)"
     )
 

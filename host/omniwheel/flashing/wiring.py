@@ -26,13 +26,13 @@ def require_same_wiring(image: HexImage, board: Board) -> None:
     raise FlashError(
         f"{image.path} is for {_wiring(robots, image.wiring_id)}, {board} runs firmware for "
         f"{_wiring(robots, running)}: motors and encoders could be on other pins",
-        hint=f"choose the firmware of this robot; if it was wired anew: {OVERRIDE}",
+        hint=f"choose the firmware of this robot; if its wiring has changed: {OVERRIDE}",
     )
 
 
 def _wiring(robots: dict[int, str], number: int) -> str:
     name = robots.get(number)
-    return f"the wiring of {name}" if name else f"a wiring of its own (id {number:08x})"
+    return f"the wiring of {name}" if name else f"a custom wiring (id {number:08x})"
 
 
 def _running_id(board: Board) -> int:

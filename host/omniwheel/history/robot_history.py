@@ -35,7 +35,7 @@ except ImportError:  # Windows
 Change = tuple[float, float]
 """Value before and after."""
 _LARGEST = sys.float_info.max
-_NO_FOLDER = "there is no folder for it: this user has no home"
+_NO_FOLDER = "no folder for the history: this user has no home directory"
 _SET_ONE = "set OMNI_STATE_DIR to a folder, or HOME"
 
 
@@ -113,7 +113,7 @@ class RobotHistory:
         """
         entries = self.entries()
         if not 1 <= number <= len(entries):
-            known = f"there are 1 to {len(entries)}" if entries else "nothing was changed yet"
+            known = f"its entries are 1 to {len(entries)}" if entries else "the history is empty"
             raise HistoryError(f"the history has no entry {number}: {known}", hint="omni params history lists them")
         values: dict[str, float] = {}
         for entry in entries[number - 1 :]:

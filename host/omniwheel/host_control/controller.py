@@ -50,11 +50,11 @@ class HostControlSettings:
     def __post_init__(self) -> None:
         speed = self.full_speed_rad_s
         if speed is not None and not (math.isfinite(speed) and speed > 0.0):
-            raise ParameterRangeError(f"the full speed is {speed}; a number above 0 rad/s is needed")
+            raise ParameterRangeError(f"the full speed is {speed}; must be a number above 0 rad/s")
         if not 0 <= self.pwm_min < FULL_PWM:
-            raise ParameterRangeError(f"the smallest PWM is {self.pwm_min}; 0 to {FULL_PWM - 1} is allowed")
+            raise ParameterRangeError(f"the smallest PWM is {self.pwm_min}; must be 0 to {FULL_PWM - 1}")
         if not 0.0 <= self.delay_s <= 0.5:
-            raise ParameterRangeError(f"the delay is {self.delay_s} s; 0 to 0.5 s is allowed")
+            raise ParameterRangeError(f"the delay is {self.delay_s} s; must be 0 to 0.5 s")
 
 
 def host_control_values(robot: Robot, changes: Mapping[str, ParameterValue] | None = None) -> dict[str, float]:
@@ -152,7 +152,7 @@ class HostController:
         if name not in allowed:
             raise ParameterRangeError(
                 f"CTL_MODE = {name} cannot run on the host for {robot.name}: it needs encoders",
-                hint=f"allowed are {', '.join(allowed)}",
+                hint=f"use one of {', '.join(allowed)}",
             )
 
     def _retime(self) -> None:
@@ -205,7 +205,7 @@ class HostController:
         if used:
             self.last_fix_s = measured.taken_s
         else:
-            self.refusal = "it contradicts the estimate, or is too old"
+            self.refusal = "it failed the outlier gate, or is too old"
         return used
 
     def _predict_until(self, now_s: float) -> None:

@@ -36,9 +36,9 @@ class FixChecks:
         if not all(math.isfinite(value) for value in pose):
             return "not finite"
         if measured.sd_xy_m > MOST_SD_XY_M:
-            return "it may be off by metres"
+            return "its error may be metres"
         if estimate is not None and _zeros_far_from(estimate, pose):
-            return "zeros: is the tracker lost?"
+            return "it is all zeros, as from a tracker without sight"
         if pose != self._last:
             self._travelled = 0.0
         self._last = pose

@@ -139,8 +139,8 @@ class HostControlLoop:
         self._drive(now_s)
 
     def _lost(self, age_s: float) -> HostControlStopError:
-        hint = "are the markers seen, and is the object's name right? `omni mocap record` shows what comes"
-        what = "no pose has come" if not self._controller.located else "the poses have stopped coming"
+        hint = "check that the markers are visible and the object's name is right; `omni mocap record` shows the poses"
+        what = "no pose was received" if not self._controller.located else "the stream of poses has stopped"
         if self._controller.refusal:
             what = f"no pose could be used ({self._controller.refusal})"
         return HostControlStopError(f"{what} for {age_s:.1f} s: the robot is stopped", hint=hint)
@@ -182,7 +182,7 @@ class HostControlLoop:
     def _check(self, command: Command) -> None:
         values, here = self._controller.values, command.estimate
         if not all(math.isfinite(value) for value in here) or math.hypot(here.x, here.y) > values["LIM_POS"]:
-            hint = "LIM_POS is the limit; is the origin of the cameras where you think it is?"
+            hint = "LIM_POS is the limit; check the origin of the cameras' frame"
             raise HostControlStopError(
                 f"the robot is at x = {here.x:.2f} m, y = {here.y:.2f} m: out of range", hint=hint
             )
@@ -191,8 +191,8 @@ class HostControlLoop:
             self._closest_m, self._closest_rad = min(self._closest_m, away_m), min(self._closest_rad, turned_rad)
             away_m, turned_rad = away_m - self._closest_m, turned_rad - self._closest_rad
         if away_m > values["SAFE_ERR_XY"] or turned_rad > values["SAFE_ERR_TH"]:
-            where = "off its path" if self._goal.pose is None else "further from its goal than it was"
-            hint = "are the motors in the robot file's order, and W*_MOT_DIR right? SAFE_ERR_* are the limits"
+            where = "off its path" if self._goal.pose is None else "farther from its goal than at the start"
+            hint = "check the motors' order and W*_MOT_DIR; SAFE_ERR_* are the limits"
             raise HostControlStopError(f"the robot is {away_m:.2f} m and {turned_rad:.2f} rad {where}", hint=hint)
 
     def _finished(self, command: Command) -> bool:

@@ -40,7 +40,7 @@ def format_line(pwm: Sequence[int]) -> bytes:
         raise ValueError(f"{len(pwm)} PWM values; the robot takes {MOTORS}")
     for value in pwm:
         if isinstance(value, bool) or not isinstance(value, int) or abs(value) > FULL_PWM:
-            raise ValueError(f"a PWM of {value!r}; a whole number from -{FULL_PWM} to {FULL_PWM} is needed")
+            raise ValueError(f"a PWM of {value!r}; must be a whole number from -{FULL_PWM} to {FULL_PWM}")
     return ",".join(str(value) for value in pwm).encode("ascii") + END
 
 
@@ -57,7 +57,7 @@ def parse_line(line: bytes) -> PwmLine:
 def _number(word: bytes, line: bytes) -> int:
     digits = word.removeprefix(b"-")
     if not (digits.isdigit() and int(digits) <= FULL_PWM):
-        raise ValueError(f"{line!r}: {word!r} is no PWM from -{FULL_PWM} to {FULL_PWM}")
+        raise ValueError(f"{line!r}: {word!r} is not a PWM from -{FULL_PWM} to {FULL_PWM}")
     return int(word)
 
 

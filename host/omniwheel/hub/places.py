@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: MIT
 """Where the programs of one user find each other: a locked file per port says who has it.
 
-A file is believed as long as somebody holds its lock, so nothing is left over from a program that was killed. The
-folder belongs to the user alone. Without file locks (Windows) nobody is ever found, and every program opens its port.
-Whoever only looks writes nothing, and fails at nothing: a full or broken disk must not keep a program from its port.
+A file is valid while a process holds its lock, so a killed program leaves no stale one. The
+folder belongs to the user alone. Without file locks (Windows) no hub is ever found, and every program opens its port.
+A reader writes nothing and never fails: a full or broken disk must not keep a program from its port.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def folder() -> Path:
     status = path.stat()
     if status.st_uid != os.getuid() or status.st_mode & (stat.S_IRWXG | stat.S_IRWXO) or path.is_symlink():
         hint = "remove it, or set XDG_RUNTIME_DIR to a folder of your own"
-        raise LinkOpenError(f"the folder {path} is open to others, or another user's", hint=hint)
+        raise LinkOpenError(f"the folder {path} is accessible to other users, or owned by another user", hint=hint)
     return path
 
 
@@ -108,7 +108,7 @@ class Claim:
 
 
 def _locked(descriptor: int) -> bool:
-    for _ in range(_TRIES):  # somebody who only looks holds it for a moment
+    for _ in range(_TRIES):  # a reader may hold it for a moment
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return True

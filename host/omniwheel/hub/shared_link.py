@@ -23,7 +23,7 @@ from omniwheel.hub.rate_requests import RateRequests, is_from_robot
 from omniwheel.link import Link, SerialLink, TcpLink, open_link, parse_url
 
 LOOK_S = 0.05
-"""How often the owner of a port looks whether somebody asks for it."""
+"""Period at which the owner of a port checks for requests for it."""
 START_S = 15.0
 """How long a hub may take to start and to get the port."""
 _POLL_S = 0.05
@@ -66,7 +66,7 @@ def _opened_alone(url: str, timeout_s: float, problem: LinkOpenError) -> Link:
     except LinkOpenError as error:
         if parse_url(url).kind != "serial" or not _is_busy(error):
             raise
-        raise LinkOpenError(f"{error}; if a hub has it: {problem}", hint=problem.hint) from error
+        raise LinkOpenError(f"{error}; if a hub uses it: {problem}", hint=problem.hint) from error
 
 
 def _is_busy(error: LinkOpenError) -> bool:
@@ -116,7 +116,7 @@ def _started_hub(port: str) -> str:
         if found is None and hub.poll() is not None:
             break
         time.sleep(_POLL_S)
-    why = _last_line(log) or f"{owner.get('name', 'another program')} does not let go of it"
+    why = _last_line(log) or f"{owner.get('name', 'another program')} keeps it locked"
     raise LinkOpenError(f"cannot share {port}: {why}", hint="end the other program, or start it behind `omni link`")
 
 

@@ -49,7 +49,7 @@ class Dataset:
         if self.wheel_angle_rad is not None:
             _columns(self, "wheel_angle_rad", rows, wheels)
         if self.supply_V is not None and _array(self, "supply_V").shape != (rows,):
-            raise _error(self, "supply_V", f"has shape {self.supply_V.shape}; one column of {rows} rows is needed")
+            raise _error(self, "supply_V", f"has shape {self.supply_V.shape}; must be one column of {rows} rows")
         _columns(self, "pose", _clock(self, "pose_time_s", 0), 3, nan_columns=(2,))
 
     @property
@@ -86,7 +86,7 @@ def _array(data: Dataset, field: str) -> Array:
     try:
         array = np.array(getattr(data, field), dtype=np.float64)
     except (TypeError, ValueError):
-        raise _error(data, field, "is no array of numbers") from None
+        raise _error(data, field, "is not an array of numbers") from None
     array.setflags(write=False)
     object.__setattr__(data, field, array)
     return array
@@ -96,13 +96,13 @@ def _clock(data: Dataset, field: str, minimum: int) -> int:
     """Check a column of times and return its length."""
     times = _array(data, field)
     if times.ndim != 1 or len(times) < minimum:
-        raise _error(data, field, f"has shape {times.shape}; one column of at least {minimum} times is needed")
+        raise _error(data, field, f"has shape {times.shape}; must be one column of at least {minimum} times")
     if not np.all(np.isfinite(times)):
         raise _error(data, field, f"is not finite in row {int(np.argmin(np.isfinite(times)))}")
     falls = np.flatnonzero(np.diff(times) <= 0.0)
     if len(falls):
         hint = "sort the log by time and drop repeated rows"
-        raise _error(data, field, f"does not rise after row {int(falls[0])} ({times[falls[0]]:g} s)", hint)
+        raise _error(data, field, f"does not increase after row {int(falls[0])} ({times[falls[0]]:g} s)", hint)
     return len(times)
 
 
@@ -122,11 +122,11 @@ def _columns(
         table = np.zeros((0, 3))
         object.__setattr__(data, field, table)
     if table.ndim != 2 or len(table) != rows or (columns is not None and table.shape[1] != columns):
-        raise _error(data, field, f"has shape {table.shape}; {rows} rows and {wanted} columns are needed")
+        raise _error(data, field, f"has shape {table.shape}; {rows} rows and {wanted} columns expected")
     bad = np.isinf(table)
     if not nan_allowed:
         bad |= np.isnan(table) & ~np.isin(np.arange(table.shape[1]), nan_columns)
     if np.any(bad):
         row, column = np.argwhere(bad)[0]
-        raise _error(data, field, f"is {table[row, column]} in row {row}, column {column}; a finite number is needed")
+        raise _error(data, field, f"is {table[row, column]} in row {row}, column {column}; must be a finite number")
     return int(table.shape[1])

@@ -45,10 +45,10 @@ class Diagnostics:
         if self.whiteness_p < TEST_LEVEL and abs(self.correlation) > COLOURED:
             remarks.append(
                 f"The residual is not white (neighbours correlate by {self.correlation:.2f}): quantisation of the "
-                "encoders if negative, something the model leaves out if positive. The intervals allow for it."
+                "encoders if negative, an unmodelled effect if positive. The intervals include it."
             )
         if self.condition > CONDITION_MAX:
-            remarks.append("Some parameters trade against each other: vary speed and direction more.")
+            remarks.append("Some parameters are strongly correlated: vary speed and direction more.")
         if self.saturated_share > 0.0:
             remarks.append(f"{100 * self.saturated_share:.0f} % of the rows are at full duty and were left out.")
         return tuple(remarks)

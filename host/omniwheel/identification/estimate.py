@@ -73,7 +73,7 @@ def clustered_covariance(jacobian: Array, residual: Array, cluster: NDArray[np.i
     """
     scale = np.linalg.norm(jacobian, axis=0)
     if np.any(scale == 0.0):
-        raise IdentificationError("a parameter has no effect on the data at all", hint="excite every direction")
+        raise IdentificationError("a parameter has no effect on the data", hint="excite every direction")
     scaled = jacobian / scale
     clusters = int(cluster.max()) + 1
     parameters = jacobian.shape[1]

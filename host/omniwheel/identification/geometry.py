@@ -70,12 +70,12 @@ def calibrate(runs: Sequence[Dataset], layout: Layout) -> Estimate:
     residual, slope, cluster = _linearised(x, nominal, windows, layout, sd)
     for name, column in zip(names(wheels), slope.T, strict=True):
         if not np.any(column):
-            raise _not_shown(name)
+            raise _not_excited(name)
     covariance, dof = clustered_covariance(slope, residual, cluster)
     estimate = Estimate(names(wheels), x * nominal, covariance * np.outer(nominal, nominal), dof)
     for name in estimate.names:
         if not estimate.half_width(name) < SHARE_MAX * abs(estimate[name]):
-            raise _not_shown(name)
+            raise _not_excited(name)
     return estimate
 
 
@@ -88,10 +88,10 @@ def _linearised(
     return residual, (np.array(moved) - residual).T / _STEP, cluster
 
 
-def _not_shown(name: str) -> IdentificationError:
+def _not_excited(name: str) -> IdentificationError:
     what = "the robot does not turn" if name == "wheel_distance_m" else "the robot does not move along x and y"
     return IdentificationError(
-        f"{name} cannot be told from these runs: {what} enough, or poses have no heading",
+        f"{name} cannot be identified from these runs: {what} enough, or poses have no heading",
         hint="drive circles and spins both ways in view of the motion capture",
     )
 

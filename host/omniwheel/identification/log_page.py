@@ -15,7 +15,7 @@ from omniwheel.identification.log_study import LogStudy
 from omniwheel.identification.motor_curve import CurveFit
 from omniwheel.identification.path_fit import Settings
 from omniwheel.logs.log import Array, WheelLog
-from omniwheel.plain import finite
+from omniwheel.number_text import finite
 
 KINDS = ("nominal", "identified", "held_out", "held_out_wheels_only", "held_out_duty_only")
 _KIND_NAMES = ("nominal geometry", "all runs", "the other runs", "… wheels only", "… duty only")
@@ -149,15 +149,15 @@ def _curve_table(title: str, fit: CurveFit) -> list[str]:
     lines = [
         f"{title} (± one standard deviation; – where the duty never went):",
         "",
-        "| Wheel | forward: duty per rad/s [%] | dead-band [%] | backward: duty per rad/s [%] | dead-band [%] | lag "
+        "| Wheel | forward: duty per rad/s [%] | deadband [%] | backward: duty per rad/s [%] | deadband [%] | lag "
         "[ms] |",
         "|---|---:|---:|---:|---:|---:|",
     ]
     columns = (
         ("forward_duty_per_rad_s", 100.0, 2),
-        ("forward_dead_band", 100.0, 1),
+        ("forward_deadband", 100.0, 1),
         ("reverse_duty_per_rad_s", 100.0, 2),
-        ("reverse_dead_band", 100.0, 1),
+        ("reverse_deadband", 100.0, 1),
         ("time_constant_s", 1e3, 0),
     )
     for wheel in range(len(fit.noise_rad_s)):
@@ -184,7 +184,7 @@ def _trust(study: LogStudy, robot: Robot, runs: Sequence[WheelLog]) -> list[str]
         "- **Clock.** The range of an offset is where the RMS stays within 5 % of the best.",
         "- **Heading.** `wheels only` leaves the measured heading aside: how the wheels turn the body is fitted to the "
         "headings of the other runs. Rows in which the heading was frozen are bridged in the same way.",
-        _trust_dead_bands(study, robot),
+        _trust_deadbands(study, robot),
         "- **Motor.** Only K (at b = 0) and R J can be seen in a speed; R and L in the robot file are assumed.",
         "- **NIS / dof** well above 1 means that the robot file's pose noise (`EKF_Q_XY`, `EKF_R_XY`) is too small "
         "for these "
@@ -246,14 +246,14 @@ def _trust_size(study: LogStudy, robot: Robot) -> str:
     )
 
 
-def _trust_dead_bands(study: LogStudy, robot: Robot) -> str:
+def _trust_deadbands(study: LogStudy, robot: Robot) -> str:
     fit = study.whole.curve
     unseen = [
         f"{wheel + 1} {word}"
         for wheel in range(robot.wheels)
-        for word, name in (("forward", "forward_dead_band"), ("backward", "reverse_dead_band"))
+        for word, name in (("forward", "forward_deadband"), ("backward", "reverse_deadband"))
         if not getattr(fit.curve, name)[wheel] >= 2.0 * getattr(fit.sd, name)[wheel]
     ]
     if not unseen:
-        return "- **Dead-band.** Seen on every wheel, both ways."
-    return f"- **Dead-band.** Not told from none (below two standard deviations): wheel {', '.join(unseen)}."
+        return "- **Deadband.** Seen on every wheel, both ways."
+    return f"- **Deadband.** Not told from none (below two standard deviations): wheel {', '.join(unseen)}."

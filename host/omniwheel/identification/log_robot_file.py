@@ -29,7 +29,7 @@ def write_robot_file(found: Odometry, nominal: str, target: Path) -> tuple[Path,
     Raises LogError, RobotFileError, OutputFileError; there is no robot file then.
     """
     if target.suffix != ".toml":
-        raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
+        raise LogError(f"{target} is not a valid robot file name", hint="give a name that ends in .toml")
     source = find_robot_file(nominal)
     text = source.read_text(encoding="utf-8-sig")
     text += "".join(f"\n[{section}]\n" for section in ("motor", "parameters") if section not in read_toml(source))
@@ -57,7 +57,7 @@ def changes(found: Odometry) -> Changes:
         "geometry.wheel_radius_scale": (scales, "identified; by direction in the calibration"),
         "geometry.wheel_distance_m": (
             values["WHEEL_DIST"],
-            seen if found.distance_seen else "nominal: never seen to turn",
+            seen if found.distance_seen else "nominal: the wheel never turned",
         ),
         **{f"motor.{key}": (values[name], said) for key, (name, said) in _MOTOR.items()},
         **{f"parameters.{name}": (values[name], "identified") for name in _FILTER},

@@ -92,7 +92,7 @@ def identify_from_logs(
         raise LogError(f"{len(runs)} run with truth; leaving one out needs at least {MIN_RUNS}", hint=hint)
     names = [log.name for log in runs]
     if len(set(names)) < len(names):
-        raise LogError(f"two of the runs have one name: {', '.join(names)}", hint="give each run once")
+        raise LogError(f"duplicate run names: {', '.join(names)}", hint="give each run once")
     jobs = [_Job(tuple(runs), robot, tuple(turns), left_out) for left_out in (None, *range(len(runs)))]
     found = (run_map or _in_turn)(run_job, jobs)
     whole, without = found[0], tuple(found[1:])

@@ -58,7 +58,7 @@ class Layout:
         n = len(self.angle_rad)
         if not np.allclose(gram, np.diag([n / 2, n / 2, n]), atol=_SYMMETRY):
             raise IdentificationError(
-                "the model needs wheels spread evenly around the robot; these are not",
+                "the model needs wheels spaced evenly around the robot; these are not",
                 hint="correct geometry.wheel_angle_deg in the robot file",
             )
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: MIT
-"""Motor curve from logs of duty and coarse counts: dead band, slope and lag per wheel and direction.
+"""Motor curve from logs of duty and coarse counts: deadband, slope and lag per wheel and direction.
 
-The wheel follows  T w' + w = f(u),  f(u) = sgn(u) max(|u| - dead_band, 0) / slope,  with dead band and slope by
+The wheel follows  T w' + w = f(u),  f(u) = sgn(u) max(|u| - deadband, 0) / slope,  with deadband and slope by
 direction. It is the steady state of (24)-(27) with Coulomb friction. An output-error fit. The counts, which jump by
 several from row to row, are only ever compared with a speed that the duty explains. Outliers weigh little (Cauchy
 loss).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Motor constants and dead band from voltage steps while the wheels turn freely on a stand."""
+"""Motor constants and deadband from voltage steps while the wheels turn freely on a stand."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SAME_STEP_V = 0.02
 
 
 @dataclass(frozen=True)
-class DeadBand:
+class Deadband:
     """One wheel and direction: it stands still up to ``still_V`` and turns from ``moving_V`` on [V, not negative]."""
 
     wheel: int
@@ -39,7 +39,7 @@ class MotorSteps:
 
     together: Fit
     each: tuple[Fit, ...]
-    dead_bands: tuple[DeadBand, ...]
+    deadbands: tuple[Deadband, ...]
 
 
 def identify_motors(run: Dataset) -> MotorSteps:
@@ -48,11 +48,11 @@ def identify_motors(run: Dataset) -> MotorSteps:
     return MotorSteps(
         identify([run], Model.stand(wheels)),
         tuple(identify([run], Model.stand((wheel,))) for wheel in wheels),
-        tuple(dead_band(run, wheel, direction) for wheel in wheels for direction in (1, -1)),
+        tuple(deadband(run, wheel, direction) for wheel in wheels for direction in (1, -1)),
     )
 
 
-def dead_band(run: Dataset, wheel: int, direction: int) -> DeadBand:
+def deadband(run: Dataset, wheel: int, direction: int) -> Deadband:
     """Bracket the voltage from which a wheel turns, from steps that hold at least HOLD_MIN_S."""
     still, moving = [0.0], [np.inf]
     for voltage, speed in _steps(run, wheel):
@@ -64,7 +64,7 @@ def dead_band(run: Dataset, wheel: int, direction: int) -> DeadBand:
             f"wheel {wheel + 1} never turns {'forwards' if direction > 0 else 'backwards'}",
             hint="step the duty up to at least half, both ways, each step held for a second",
         )
-    return DeadBand(wheel, direction, max([v for v in still if v < lowest]), lowest)
+    return Deadband(wheel, direction, max([v for v in still if v < lowest]), lowest)
 
 
 def _steps(run: Dataset, wheel: int) -> list[tuple[float, float]]:

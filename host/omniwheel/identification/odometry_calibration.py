@@ -87,7 +87,7 @@ def identify_odometry(runs: Sequence[WheelLog], robot: Robot, turns: Sequence[Wh
     ``robot`` gives the nominal geometry. Raises LogError that says what is missing.
     """
     if not runs:
-        raise LogError("there is no run to identify from", hint="give logs that were imported with --truth")
+        raise LogError("no run with ground truth", hint="give logs that were imported with --truth")
     for log in (*runs, *turns):
         check_log_fits(log, robot)
         log.require_heading()

@@ -34,12 +34,12 @@ SETTLED = 5e-3
 COARSE = 5
 """The first search takes one segment in so many."""
 UNSHOWN = {
-    "speed_gain_V_s": "the speeds vary too little to tell viscous from Coulomb friction",
+    "speed_gain_V_s": "the speeds vary too little to separate viscous from Coulomb friction",
     "inertia_xy_V_s2": "translation is not excited: the robot's speed along x and y hardly changes",
     "inertia_theta_V_s2": "rotation is not excited: the robot's turn rate hardly changes",
     "inertia_V_s2": "the wheel's speed hardly changes",
 }
-_UNSETTLED = "the fit did not settle"
+_UNSETTLED = "the fit did not converge"
 _UNSETTLED_HINT = "check the log's voltages and wheel directions"
 _STEP = 1e-5
 
@@ -118,7 +118,9 @@ def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S, 
         x = x + step
         if not np.all(x > _lower_bounds(model)):
             name = model.names[int(np.argmin(x - _lower_bounds(model)))]
-            raise IdentificationError(UNSHOWN.get(name, f"{name} cannot be told from these runs"), hint=EXCITE_HINT)
+            raise IdentificationError(
+                UNSHOWN.get(name, f"{name} cannot be identified from these runs"), hint=EXCITE_HINT
+            )
         if np.max(np.abs(step) * scale / _sizes(scale, model)) < SETTLED:
             break
     else:
@@ -127,7 +129,7 @@ def identify(runs: Sequence[Dataset], model: Model, warm_s: float = WARM_MAX_S, 
     covariance, dof = clustered_covariance(instrument, rest, _numbered(cluster))
     estimate = Estimate(model.names, x * scale, covariance * np.outer(scale, scale), dof)
     fit = Fit(estimate, segments, _modelled(model, segments, estimate.values), saturated, count_rad)
-    _require_shown(fit)
+    _require_excitation(fit)
     return fit
 
 
@@ -234,7 +236,7 @@ def first_guess(runs: Sequence[Dataset], model: Model) -> Array:
 
 def _require_enough(runs: Sequence[Dataset]) -> None:
     if not runs:
-        raise IdentificationError("no run is given", hint="record the excitation with `omni identify live`")
+        raise IdentificationError("no run was given", hint="record the excitation with `omni identify live`")
     moving_s = 0.0
     for run in runs:
         speed = measured_speed(run)[:-1]
@@ -243,7 +245,7 @@ def _require_enough(runs: Sequence[Dataset]) -> None:
     if moving_s < MIN_MOVING_S:
         raise IdentificationError(
             f"the wheels turn for {moving_s:.1f} s in all; at least {MIN_MOVING_S:g} s are needed",
-            hint="was the robot armed? drive the circles and spins both ways",
+            hint="check that the robot was armed; drive circles and spins in both directions",
         )
 
 
@@ -251,7 +253,7 @@ def _require_excited(segments: Segments, model: Model, saturated_share: float) -
     """Raise IdentificationError if bridges are mostly at full duty, or if the robot hardly moves in one direction."""
     if saturated_share > SATURATED_SHARE_MAX:
         raise IdentificationError(
-            f"a bridge is at full duty for {100 * saturated_share:.0f} % of the time: its voltage is not known",
+            f"a bridge is at full duty for {100 * saturated_share:.0f} % of the time: its voltage is unknown",
             hint="drive at lower duty",
         )
     if model.names == STAND:
@@ -263,7 +265,7 @@ def _require_excited(segments: Segments, model: Model, saturated_share: float) -
             raise IdentificationError(UNSHOWN[name], hint=EXCITE_HINT)
 
 
-def _require_shown(fit: Fit) -> None:
+def _require_excitation(fit: Fit) -> None:
     """Raise IdentificationError that names what the data cannot show."""
     for name, why in UNSHOWN.items():
         if name in fit.estimate.names and not fit.estimate.half_width(name) < 0.5 * abs(fit.estimate[name]):
@@ -271,5 +273,5 @@ def _require_shown(fit: Fit) -> None:
     if fit.fit < MIN_FIT:
         raise IdentificationError(
             f"the model explains only {100 * fit.fit:.0f} % of the measured speeds",
-            hint="check wheel order, directions and the voltage column; did wheels slip or stall?",
+            hint="check wheel order, directions and the voltage column; and whether wheels slipped or stalled",
         )

@@ -99,7 +99,7 @@ def fit_radii(
 ) -> Array:
     """Radii (2 wheels,) [m], forward then reverse, by least squares and alignment in turn, from ``start``.
 
-    ``ridge`` None: one radius for all. Raises LogError if a radius comes out negative.
+    ``ridge`` None: one radius for all. Raises LogError if a radius is negative.
     """
     rows = np.ones((len(start), 1)) if ridge is None else np.eye(len(start))
     count, radii = rows.shape[1], start
@@ -116,7 +116,7 @@ def fit_radii(
         new = rows @ np.linalg.solve(normal + _alike(normal, ridge or 0.0), right)
         if not np.all(new > 0.0):
             raise LogError(
-                "the truth does not follow the wheels: a radius comes out negative",
+                "the truth does not follow the wheels: a radius is negative",
                 hint="check the wheels' order, bearings and signs, and that each truth belongs to its log",
             )
         change, radii = float(np.max(np.abs(new - radii))), new

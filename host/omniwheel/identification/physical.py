@@ -45,22 +45,22 @@ class Known:
         """Refuse what is no positive number."""
         for name, value in vars(self).items():
             if value is not None and not 0.0 < value < np.inf:
-                raise IdentificationError(f"{name} is {value}; a positive number is needed")
+                raise IdentificationError(f"{name} is {value}; must be a positive number")
 
 
 def physical(floor: Estimate, layout: Layout, known: Known, stand: Estimate | None = None) -> Estimate:
     """Return motor and body in SI with their intervals. Raises IdentificationError if the numbers contradict."""
     if stand is None and known.motor_constant_N_m_A is None:
         raise IdentificationError(
-            "voltage and speed alone do not show the motor constant",
+            "the motor constant cannot be identified from voltage and speed alone",
             hint="record steps with the wheels off the floor (--stand), or give the data sheet's --motor-constant",
         )
     both = floor if stand is None else floor.joined(stand, STAND_PREFIX)
     result = both.transformed(NAMES, lambda values: _convert(dict(zip(both.names, values, strict=True)), layout, known))
     if result["motor_viscous_N_m_s"] <= 0.0 or result["motor_inertia_kg_m2"] <= 0.0 or result["inertia_kg_m2"] <= 0.0:
         raise IdentificationError(
-            f"a motor constant of {result['motor_constant_N_m_A']:.3g} N.m/A leaves nothing for friction or inertia",
-            hint="check mass, resistance and motor constant, and that the stand run was free of the floor",
+            f"a motor constant of {result['motor_constant_N_m_A']:.3g} N.m/A implies negative friction or inertia",
+            hint="check mass, resistance and motor constant, and that the wheels were lifted in the stand run",
         )
     return result
 

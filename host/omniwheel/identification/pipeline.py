@@ -72,7 +72,7 @@ def identify_robot(
     found = physical(floor.estimate, layout, known, None if motors is None else motors.together.estimate)
     diagnostics = diagnose(floor)
     if known.motor_constant_N_m_A is not None:
-        remarks.append(f"The motor constant {known.motor_constant_N_m_A:g} N.m/A was given, not found.")
+        remarks.append(f"The motor constant {known.motor_constant_N_m_A:g} N.m/A was given, not identified.")
     return Identification(
         floor,
         diagnostics,

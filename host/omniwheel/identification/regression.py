@@ -52,7 +52,7 @@ def least_squares(before: Array, after: Array, u: Array, *, sign_terms: bool = F
             matrix[axis * n : (axis + 1) * n, 3 * block + axis] = column[:, axis]
     solved, _, rank, _ = np.linalg.lstsq(matrix, after.T.reshape(-1), rcond=None)
     if rank < 9:
-        raise IdentificationError("E of (83) has no full rank: an axis is not excited", hint="drive circles and spins")
+        raise IdentificationError("E of (83) is rank-deficient: an axis is not excited", hint="drive circles and spins")
     a, b, f = (tuple(float(x) for x in part) for part in solved.reshape(3, 3))
     return Discrete((a[0], a[1], a[2]), (b[0], b[1], b[2]), (f[0], f[1], f[2]))
 

@@ -64,7 +64,7 @@ def from_messages(messages: Iterable[Message], name: str, parameters: Mapping[st
         elif message.get_type() == "VICON_POSITION_ESTIMATE" and message.usec * 1e-6 > (fixes[-1][0] if fixes else 0.0):
             fixes.append((message.usec * 1e-6, *flip(message.x, message.y, message.yaw)))
     if len(samples) < MIN_SAMPLES:
-        raise DatasetError(f"{name} has {len(samples)} OMNI_SAMPLE messages; many are needed", hint=NO_LOG_HINT)
+        raise DatasetError(f"{name} has {len(samples)} OMNI_SAMPLE messages: too few", hint=NO_LOG_HINT)
     return _dataset(samples, np.array(fixes).reshape(-1, 4), name, parameters)
 
 
@@ -76,7 +76,9 @@ def _dataset(samples: Sequence[Sample], fixes: Array, name: str, parameters: Map
     still = np.ptp(counts, axis=0) == 0.0
     if still.any() and not still.all():
         hint = "check the encoder, and that --robot is the robot that was driven"
-        raise DatasetError(f"{name}: wheel {int(np.argmax(still)) + 1} of {wheels} never turns, others do", hint=hint)
+        raise DatasetError(
+            f"{name}: wheel {int(np.argmax(still)) + 1} of {wheels} never turns, but others do", hint=hint
+        )
     volt_seconds = np.array([sample.volt_seconds for sample in samples])[:, :wheels]
     volt_seconds = VOLT_SECONDS_PER_UNIT * _unwrapped(volt_seconds / VOLT_SECONDS_PER_UNIT)
     angle = counts * direction * (2.0 * np.pi / parameters["ENC_CPR"])

@@ -29,20 +29,20 @@ _HINT = "let omni identify logs write it"
 class MotorCurve:
     """Steady wheel speed over duty, per wheel and direction, and its lag. Arrays have one entry per wheel.
 
-    speed = (|duty| - dead_band) / duty_per_rad_s in the duty's direction, 0 inside the dead band [rad/s];
+    speed = (|duty| - deadband) / duty_per_rad_s in the duty's direction, 0 inside the deadband [rad/s];
     ``time_constant_s`` [s].
     """
 
     forward_duty_per_rad_s: Array
     reverse_duty_per_rad_s: Array
-    forward_dead_band: Array
-    reverse_dead_band: Array
+    forward_deadband: Array
+    reverse_deadband: Array
     time_constant_s: Array
 
     def speed(self, duty: Array) -> Array:
         """Steady wheel speeds [rad/s] for duties (n, wheels)."""
-        forward = np.maximum(duty - self.forward_dead_band, 0.0) / self.forward_duty_per_rad_s
-        reverse = np.maximum(-duty - self.reverse_dead_band, 0.0) / self.reverse_duty_per_rad_s
+        forward = np.maximum(duty - self.forward_deadband, 0.0) / self.forward_duty_per_rad_s
+        reverse = np.maximum(-duty - self.reverse_deadband, 0.0) / self.reverse_duty_per_rad_s
         return np.asarray(forward - reverse)
 
 
@@ -101,7 +101,7 @@ def load_calibration(path: Path, wheels: int) -> Calibration:
         **{name: _numbers(path, odometry, name, wheels) for name in _TURNS if name in odometry},
         curve=MotorCurve(
             **{
-                name: _numbers(path, curve, name, wheels, zero=name.endswith("dead_band"))
+                name: _numbers(path, curve, name, wheels, zero=name.endswith("deadband"))
                 for name in MotorCurve.__dataclass_fields__
             }
         ),

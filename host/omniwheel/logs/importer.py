@@ -94,7 +94,7 @@ def read_columns(path: Path, delimiter: str, header: tuple[str, ...] = ()) -> di
     )
     columns = read_table(path, TableFormat(LogError, hint, needed=header, delimiter=delimiter)).columns
     if not len(next(iter(columns.values()))):
-        raise LogError(f"{path} holds no rows", hint=hint)
+        raise LogError(f"{path} has no rows", hint=hint)
     return columns
 
 
@@ -109,7 +109,7 @@ def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping, 
     worst = int(np.argmax(np.abs(values)))
     if abs(values[worst]) > largest:
         raise LogError(
-            f"{path}:{worst + 2}: {name} is {values[worst]:g}: no measurement is so large",
+            f"{path}:{worst + 2}: {name} is {values[worst]:g}: implausibly large",
             hint="drop or repair that row",
         )
     return values
@@ -122,7 +122,7 @@ def read_truth(path: Path, mapping: Mapping) -> tuple[Truth, int]:
     """
     wanted = mapping.truth
     if wanted is None:
-        raise LogError(f"{mapping.source} has no [truth]", hint="say which columns hold time, x and y")
+        raise LogError(f"{mapping.source} has no [truth]", hint="name the columns of time, x and y")
     return _truth_of(path, read_columns(path, mapping.delimiter), wanted, mapping, same_clock=False)
 
 
@@ -204,7 +204,7 @@ def _require_period(path: Path, step_s: Array, mapping: Mapping) -> None:
     found_s = float(np.median(step_s[1:])) if len(step_s) > 1 else mapping.period_s
     if abs(found_s - mapping.period_s) > PERIOD_TOLERANCE * mapping.period_s:
         raise LogError(
-            f"{path}: the rows are {found_s:g} s apart in the median, and log.period_s is {mapping.period_s:g} s",
+            f"{path}: the rows are {found_s:g} s apart in the median, but log.period_s is {mapping.period_s:g} s",
             hint=f"correct log.period_s or log.time.unit in {mapping.source}",
         )
 
@@ -215,7 +215,7 @@ def _require_no_gap(path: Path, time_s: Array, mapping: Mapping) -> None:
     row = int(np.argmax(step)) if len(step) else 0
     if len(step) and step[row] > max(LONGEST_GAP_S, LONGEST_GAP_ROWS * mapping.period_s):
         raise LogError(
-            f"{path}: nothing was logged from {time_s[row]:.3f} to {time_s[row + 1]:.3f} s",
+            f"{path}: no row from {time_s[row]:.3f} to {time_s[row + 1]:.3f} s",
             hint="cut the file there and import each part",
         )
 
@@ -226,7 +226,7 @@ def _require_turning(path: Path, wheels: Array, mapping: Mapping) -> None:
     if still.any() and not still.all():
         name = mapping.wheels[int(np.argmax(still))]
         raise LogError(
-            f"{path}: {name} never changes, the columns of other wheels do",
+            f"{path}: {name} never changes, but other wheels' columns do",
             hint=f"check that encoder, and the columns of [wheels] in {mapping.source}",
         )
 
@@ -262,7 +262,7 @@ def _require_possible_speeds(path: Path, log: WheelLog, good: Mask, mapping: Map
         near = log.counts[max(row - RESTART_ROWS, 0) : row + RESTART_ROWS + 1, wheel]
         if log.sample_s > 0.0 or abs(float(np.sum(near))) > 0.5 * abs(float(log.counts[row, wheel])):
             raise LogError(
-                f"{path}: {mapping.wheels[wheel]} goes on by {log.counts[row, wheel]:.0f} counts at "
+                f"{path}: {mapping.wheels[wheel]} increases by {log.counts[row, wheel]:.0f} counts at "
                 f"{log.time_s[row]:.3f} s, which is {abs(speed[row, wheel]):.0f} rad/s",
                 hint="if the logger or its counters restarted there, cut the file and import each part; if the encoder "
                 f"misreads, set max_rad_s under [spikes] in {mapping.source}",
@@ -279,7 +279,7 @@ def _truth(path: Path, columns: dict[str, Array], mapping: Mapping, truth: Path 
 
 
 def frozen_columns(columns: dict[str, Array], time_s: Array) -> tuple[Frozen, ...]:
-    """Return the longest time that each column was frozen; a set-point, which seldom changes, never is."""
+    """Return the longest time that each column was frozen; a setpoint, which seldom changes, never is."""
     found = []
     for name, values in columns.items():
         stretches = _frozen(values, time_s)

@@ -67,7 +67,7 @@ class WheelLog:
         """Check shapes, finiteness and the clock. Raises LogError."""
         rows = len(self.time_s)
         if self.time_s.ndim != 1:
-            raise LogError(f"{self.name}: the times have shape {self.time_s.shape}; one number per row is needed")
+            raise LogError(f"{self.name}: the times have shape {self.time_s.shape}; must be one number per row")
         if rows < MIN_ROWS:
             raise LogError(f"{self.name}: {rows} rows; at least {MIN_ROWS} are needed")
         if self.counts.ndim != 2 or self.counts.shape[1] not in (3, 4):
@@ -77,7 +77,7 @@ class WheelLog:
                 raise LogError(f"{self.name}: {field} has shape {getattr(self, field).shape} beside {rows} rows")
         for field in ("time_s", "counts", "duty"):
             if not np.all(np.isfinite(getattr(self, field))):
-                raise LogError(f"{self.name}: {field} holds a value that is not finite", hint="drop or repair that row")
+                raise LogError(f"{self.name}: {field} has a value that is not finite", hint="drop or repair that row")
         if self.heading_rad.shape != self.time_s.shape:
             raise LogError(f"{self.name}: heading_rad has shape {self.heading_rad.shape} beside {rows} rows")
         if not (0.0 < self.period_s < np.inf and self.counts_per_revolution > 0):
@@ -85,7 +85,7 @@ class WheelLog:
         if not (0.0 <= self.sample_s <= self.period_s and 0.0 <= self.noise_rad_s < np.inf):
             raise LogError(f"{self.name}: sample_s must be 0 to the period, and noise_rad_s finite and not negative")
         if np.any(np.diff(self.time_s) <= 0.0):
-            raise LogError(f"{self.name}: the clock does not rise", hint="drop repeated rows")
+            raise LogError(f"{self.name}: the time does not increase", hint="drop repeated rows")
 
     @property
     def wheels(self) -> int:
@@ -132,14 +132,14 @@ class WheelLog:
     def require_truth(self) -> Truth:
         """Return the ground truth; LogError if there is none."""
         if self.truth is None:
-            raise LogError(f"{self.name} holds no ground truth", hint="import the log with --truth FILE")
+            raise LogError(f"{self.name} has no ground truth", hint="import the log with --truth FILE")
         return self.truth
 
     def require_heading(self) -> None:
         """Raise LogError without a heading."""
         if not self.has_heading:
             raise LogError(
-                f"{self.name} holds no heading", hint="map the column of the IMU's heading ([heading] in the mapping)"
+                f"{self.name} has no heading", hint="map the column of the IMU's heading ([heading] in the mapping)"
             )
 
 
@@ -176,7 +176,7 @@ def load_log(path: Path) -> WheelLog:
     except (OSError, KeyError, ValueError, TypeError, OverflowError) as error:
         hint = "make it from a CSV file with: omni logs import LOG.csv --mapping FILE --out LOG.npz"
         why = f": {error.strerror}" if isinstance(error, OSError) and error.strerror else ""
-        raise LogError(f"{path} is no imported log{why}", hint=hint) from error
+        raise LogError(f"{path} is not an imported log{why}", hint=hint) from error
 
 
 def _from_arrays(stored: Mapping[str, NDArray[Any]]) -> WheelLog:
@@ -187,7 +187,7 @@ def _from_arrays(stored: Mapping[str, NDArray[Any]]) -> WheelLog:
         same_clock = bool(stored["truth_same_clock"])
         truth = Truth(times, _numbers(stored["truth_xy"]), _numbers(stored["truth_theta"]), same_clock)
         if truth.xy.shape != (len(times), 2) or truth.theta.shape != times.shape:
-            raise ValueError("the truth's arrays do not belong together")
+            raise ValueError("the truth's arrays differ in length")
     return WheelLog(
         name=str(stored["name"]),
         period_s=float(stored["period_s"]),

@@ -125,13 +125,13 @@ class _Section:
     def text(self, key: str, default: str | None = None) -> str:
         value = self.take(key, default)
         if not isinstance(value, str):
-            raise self.error(key, f"is {value!r}; a text is needed")
+            raise self.error(key, f"is {value!r}; must be a string")
         return value
 
     def sign(self, key: str, default: str) -> str:
         value = self.text(key, default)
         if len(value) != 1 or value in '\r\n"':
-            raise self.error(key, f"is {value!r}; one character is needed, as , ; or a tabulator")
+            raise self.error(key, f"is {value!r}; must be one character, as , ; or a tabulator")
         return value
 
     def number(self, key: str, default: float | None = None) -> float:
@@ -139,57 +139,57 @@ class _Section:
             return default
         value = self.take(key)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < math.inf:
-            raise self.error(key, f"is {value!r}; a finite number above 0 is needed")
+            raise self.error(key, f"is {value!r}; must be a finite number above 0")
         return float(value)
 
     def whole(self, key: str) -> int:
         value = self.number(key)
         if round(value) < 1:
-            raise self.error(key, f"is {value!r}; a whole number above 0 is needed")
+            raise self.error(key, f"is {value!r}; must be a whole number above 0")
         return round(value)
 
     def unit(self, key: str, units: AnyMapping[str, float], default: str | None = None) -> float:
         value = self.text(key, default)
         if value not in units:
-            raise self.error(key, f"is {value!r}; allowed are {', '.join(units)}")
+            raise self.error(key, f"is {value!r}; must be one of {', '.join(units)}")
         return units[value]
 
     def columns(self, key: str) -> tuple[str, ...]:
         value = self.take(key)
         texts = isinstance(value, list) and all(isinstance(item, str) for item in value)
         if not texts or len(value) not in (3, 4) or len(set(value)) != len(value):
-            raise self.error(key, f"is {value!r}; 3 or 4 different column names are needed, one per wheel")
+            raise self.error(key, f"is {value!r}; must be 3 or 4 different column names, one per wheel")
         return tuple(value)
 
     def header(self, key: str) -> tuple[str, ...]:
         value = self.take(key, [])
         if not isinstance(value, list) or not all(isinstance(item, str) and item for item in value):
-            raise self.error(key, f"is {value!r}; a list of column names is needed")
+            raise self.error(key, f"is {value!r}; must be a list of column names")
         if len(set(value)) != len(value) or len(value) == 1:
-            raise self.error(key, f"is {value!r}; two or more different names are needed")
+            raise self.error(key, f"is {value!r}; must be two or more different names")
         return tuple(value)
 
     def flag(self, key: str) -> bool:
         value = self.take(key, False)
         if not isinstance(value, bool):
-            raise self.error(key, f"is {value!r}; true or false is needed")
+            raise self.error(key, f"is {value!r}; must be true or false")
         return value
 
     def signs(self, key: str, length: int) -> tuple[int, ...]:
         value = self.take(key, [1] * length)
         if not isinstance(value, list) or len(value) != length or any(item not in (-1, 1) for item in value):
-            raise self.error(key, f"is {value!r}; {length} numbers, each 1 or -1, are needed")
+            raise self.error(key, f"is {value!r}; must be {length} numbers, each 1 or -1")
         return tuple(int(item) for item in value)
 
     def done(self) -> None:
         if self.left:
-            raise self.error(next(iter(self.left)), "is not known")
+            raise self.error(next(iter(self.left)), "is an unknown key")
 
 
 def read_mapping(path: Path) -> Mapping:
     """Read and check a column mapping. Raises LogError, or SchemaError where the file is no TOML."""
     if not path.is_file():
-        raise LogError(f"there is no column mapping {path}", hint="docs/guides/logs.md shows one")
+        raise LogError(f"no column mapping {path}", hint="docs/guides/logs.md shows one")
     document = dict(read_toml(path))
     source = str(path)
     log = _Section(source, "log", document.pop("log", None))
@@ -198,7 +198,7 @@ def read_mapping(path: Path) -> Mapping:
     columns = wheels.columns("columns")
     quantity = wheels.text("quantity")
     if quantity not in WHEEL_UNITS:
-        raise wheels.error("quantity", f"is {quantity!r}; allowed are {', '.join(WHEEL_UNITS)}")
+        raise wheels.error("quantity", f"is {quantity!r}; must be one of {', '.join(WHEEL_UNITS)}")
     wheel_unit = wheels.unit("unit", WHEEL_UNITS[quantity])
     counts_per_revolution = wheels.whole("counts_per_revolution")
     period_s = log.number("period_s")
@@ -232,7 +232,7 @@ def read_mapping(path: Path) -> Mapping:
     for section in (log, time, wheels):
         section.done()
     if document:
-        raise LogError(f"{source}: [{next(iter(document))}] is not known", hint=MAPPING_HINT)
+        raise LogError(f"{source}: [{next(iter(document))}] is an unknown key", hint=MAPPING_HINT)
     return mapping
 
 
@@ -240,7 +240,7 @@ def _sample_s(wheels: _Section, quantity: str, period_s: float) -> float:
     """Time over which a count was taken [s]; 0 where counts add up."""
     sample_s = wheels.number("sample_s", 0.0)
     if sample_s > 0.0 and quantity == "counts":
-        raise wheels.error("sample_s", "is of no use: a running count adds up whatever lies between its rows")
+        raise wheels.error("sample_s", "must not be used: a running count adds up whatever lies between its rows")
     if sample_s > period_s:
         raise wheels.error("sample_s", f"is {sample_s:g} s, longer than log.period_s, {period_s:g} s")
     return sample_s
@@ -264,7 +264,7 @@ def _heading(source: str, table: object) -> tuple[str, float, int]:
     section = _Section(source, "heading", table)
     sign = section.take("sign", 1)
     if sign not in (-1, 1):
-        raise section.error("sign", f"is {sign!r}; 1 or -1 is needed")
+        raise section.error("sign", f"is {sign!r}; must be 1 or -1")
     found = section.text("column"), section.unit("unit", ANGLE_UNITS, "rad"), int(sign)
     section.done()
     return found

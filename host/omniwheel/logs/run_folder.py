@@ -35,7 +35,7 @@ def new_run_folder(root: Path, name: str) -> Path:
         except OSError as error:
             raise files.write_error(folder, error) from error
         return folder
-    raise OutputFileError(f"{root} is full of runs called {name}", hint="remove some: omni runs")
+    raise OutputFileError(f"{root} has no free name for another run {name}", hint="delete some: omni runs")
 
 
 def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
@@ -47,7 +47,7 @@ def load_run(folder: Path) -> tuple[dict[str, Any], NDArray[Any]]:
         raise ValueError(f"{path} is not JSON: {error}") from error
     samples = read_npz(folder / RECORD_FILE).get("samples")
     if not isinstance(summary, dict) or not isinstance(summary.get("parameters"), dict):
-        raise ValueError(f"{path} is no summary of a run: it has no parameters")  # noqa: TRY004
+        raise ValueError(f"{path} is not a summary of a run: it has no parameters")  # noqa: TRY004
     if samples is None or samples.dtype.names is None or samples.ndim != 1 or not len(samples):
-        raise ValueError(f"{folder / RECORD_FILE} is no record of a run")
+        raise ValueError(f"{folder / RECORD_FILE} is not a record of a run")
     return summary, samples

@@ -57,7 +57,7 @@ def reject_spikes(log: WheelLog, spikes: Spikes) -> tuple[Mask, Noise]:
     return good & log.good, Noise(counts, correlation, shares)
 
 
-def doubt_about_counts(log: WheelLog, counts: Sequence[float], correlation: Sequence[float]) -> str:
+def count_noise_warning(log: WheelLog, counts: Sequence[float], correlation: Sequence[float]) -> str:
     """Say what the noise of the counts contradicts in the mapping; "" if nothing.
 
     Slow changes of the true speed, which a median follows late, raise the correlation: only what is clear is said.

@@ -71,13 +71,13 @@ class BridgeSettings:
 
     def __post_init__(self) -> None:
         if self.message not in MESSAGES:
-            raise SetpointError(f"the message is {self.message!r}; allowed are {', '.join(MESSAGES)}")
+            raise SetpointError(f"the message is {self.message!r}; must be one of {', '.join(MESSAGES)}")
         for name in ("rate_Hz", "budget_bytes_s", "max_age_s"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0.0):
-                raise SetpointError(f"{name} is {value}; a number above 0 is needed")
+                raise SetpointError(f"{name} is {value}; must be a number above 0")
         if not 0.0 <= self.latency_s <= MOST_LATENCY_S:
-            raise SetpointError(f"latency_s is {self.latency_s}; a number from 0 to {MOST_LATENCY_S:g} is needed")
+            raise SetpointError(f"latency_s is {self.latency_s}; must be a number from 0 to {MOST_LATENCY_S:g}")
         if self.latency_s >= self.max_age_s:
             raise SetpointError(f"latency_s is {self.latency_s}, but poses older than {self.max_age_s} s are not sent")
 
@@ -92,7 +92,7 @@ class BridgeSettings:
         return min(self.rate_Hz, self.budget_bytes_s / self.frame_bytes(True))
 
     @property
-    def tells_sd(self) -> bool:
+    def has_sd(self) -> bool:
         """Whether how good a fix is goes out with it.
 
         On a small budget a long VICON_POSITION_ESTIMATE would slow the others down. Over a radio it would come so late
@@ -102,7 +102,7 @@ class BridgeSettings:
 
     def frame_bytes(self, known: bool) -> int:
         """Return the largest frame of a fix, of which it is ``known`` how good it is, or not."""
-        return (FRAME_BYTES_SD if known and self.tells_sd else FRAME_BYTES)[self.message]
+        return (FRAME_BYTES_SD if known and self.has_sd else FRAME_BYTES)[self.message]
 
 
 @dataclass
@@ -227,7 +227,7 @@ class Bridge:
         time_us = max(1, self._sync.robot_time_us(measured.taken_s))
         try:
             make = MESSAGES[self.settings.message]
-            sds = (measured.sd_xy_m, measured.sd_theta_rad) if self.settings.tells_sd else (0.0, 0.0)
+            sds = (measured.sd_xy_m, measured.sd_theta_rad) if self.settings.has_sd else (0.0, 0.0)
             message = make(measured.pose, time_us, *sds)
         except SetpointError as error:
             self.counts.refused += 1

@@ -116,12 +116,12 @@ def observe(source: MocapSource, robot: Robot, duration_s: float, timeout_s: flo
             for message in taken:
                 robot.set_message_interval(message, None)
     if sync.restarts != restarts or any(b.time_us <= a.time_us for a, b in pairwise(samples)):
-        raise MocapLatencyError("the robot was restarted meanwhile", hint="measure again")
+        raise MocapLatencyError("the robot restarted during the measurement", hint="measure again")
     if len(counted) < 2:
-        raise MocapLatencyError("the robot does not say whether it gets pose fixes", hint="use a better link: USB")
+        raise MocapLatencyError("no report of pose fixes from the robot", hint="use a better link: USB")
     if counted[-1].fixes_accepted != counted[0].fixes_accepted:
         raise MocapLatencyError(
-            "the robot gets pose fixes from another program", hint="end the mocap bridge, and measure again"
+            "the robot receives pose fixes from another program", hint="end the mocap bridge, and measure again"
         )
     poses = np.array(seen, dtype=np.float64).reshape(-1, 2)
     motion = np.array([(m.time_us * 1e-6, m.pose[2]) for m in samples], dtype=np.float64).reshape(-1, 2)
@@ -134,8 +134,8 @@ def pose_latency(headings: Headings) -> PoseLatency:
     turned_rad = float(np.std(pair.quick(pair.believed(0.0))))
     if turned_rad < LEAST_TURN_RAD:
         raise MocapLatencyError(
-            f"the robot was turned to and fro by {turned_rad:.2f} rad RMS, which is too little",
-            hint="turn it to the left and back by a quarter turn, about once a second, again and again",
+            f"the robot was turned to and fro by {turned_rad:.2f} rad RMS: too little",
+            hint="turn it to the left and back by a quarter turn, about once a second, repeatedly",
         )
     delay_s, scale = _rough(pair)
     for _ in range(3):
@@ -143,7 +143,7 @@ def pose_latency(headings: Headings) -> PoseLatency:
         delay_s += step_s
     if not limit_s <= WORST_LIMIT_S:
         raise MocapLatencyError(
-            f"the delay is about {1e3 * delay_s:.0f} ms, but no closer than by {1e3 * WORST_LIMIT_S:.0f} ms",
+            f"the delay is about {1e3 * delay_s:.0f} ms, with a 95 % limit above {1e3 * WORST_LIMIT_S:.0f} ms",
             hint="turn the robot faster, all the time, without lifting it, and measure for longer",
         )
     turned_rad = float(np.sum(np.abs(np.diff(pair.believed(delay_s)))))
@@ -156,13 +156,13 @@ class _Pair:
     def __init__(self, headings: Headings) -> None:
         robot_s, pose_s = headings.robot_s, headings.pose_s
         if len(robot_s) < 2:
-            raise MocapLatencyError("the robot sent no OMNI_SAMPLE", hint="does its firmware fit to this program?")
+            raise MocapLatencyError("the robot sent no OMNI_SAMPLE", hint="check that the firmware has this version")
         if float(np.median(np.diff(robot_s))) > _LONGEST_GAP_S:
             raise MocapLatencyError("the link is too slow to measure times of milliseconds", hint="connect by USB")
         if len(pose_s) < LEAST_POSES or float(np.median(np.diff(pose_s))) > 1.0 / LEAST_RATE_HZ:
             raise MocapLatencyError(
-                f"{len(pose_s)} poses came; {LEAST_POSES} are needed, and {LEAST_RATE_HZ:g} per second",
-                hint="can the cameras see the robot all the time?",
+                f"{len(pose_s)} poses were received; {LEAST_POSES} are needed, and {LEAST_RATE_HZ:g} per second",
+                hint="check that the cameras see the robot all the time",
             )
         # Only poses for which the robot's heading is known at every delay that is tried.
         known = (pose_s - _MOST_S > robot_s[0]) & (pose_s - _LEAST_S < robot_s[-1])
@@ -171,7 +171,7 @@ class _Pair:
             known &= (pose_s - _LEAST_S < begin_s) | (pose_s - _MOST_S > end_s)
         if np.count_nonzero(known) < LEAST_POSES:
             raise MocapLatencyError(
-                "the robot's samples and the poses hardly overlap in time", hint="watch longer, and use a better link"
+                "the robot's samples and the poses hardly overlap in time", hint="measure longer, or use a better link"
             )
         self.time_s = pose_s[known]
         self._pose_rad = headings.pose_rad[known]
@@ -202,20 +202,20 @@ def _rough(pair: _Pair) -> tuple[float, float]:
     misfits = np.array([misfit for _scale, misfit in fits])
     best = int(np.argmin(misfits))
     if misfits[best] > WORST_MISFIT:
-        hint = "is it the right body, do the wheels stay on the floor, and is the delay below half a second?"
-        raise MocapLatencyError("the poses do not turn as the robot does", hint=hint)
+        hint = "check that it is the right body, that the wheels stay on the floor, and that the latency is below 0.5 s"
+        raise MocapLatencyError("the poses' rotation does not match the robot's", hint=hint)
     lowest = [n for n in range(1, len(delays) - 1) if misfits[n] <= min(misfits[n - 1], misfits[n + 1])]
     others = [misfits[n] for n in (0, *lowest, len(delays) - 1) if abs(delays[n] - delays[best]) > ALIAS_S]
     if min(others) < ALIAS_RATIO * misfits[best]:
         raise MocapLatencyError(
             "the robot was turned so evenly that several delays fit",
-            hint="turn it irregularly: now faster, now slower, now further",
+            hint="turn it irregularly, with varying speed and angle",
         )
     scale = fits[best][0]
     if scale < 0.0:
         raise MocapLatencyError(
-            "the poses turn to the other side than the robot",
-            hint="counter-clockwise is positive: see the axes of the cameras, and W1_ENC_DIR … of the robot",
+            "the poses turn opposite to the robot",
+            hint="counter-clockwise is positive: check the axes of the cameras, and W1_ENC_DIR … of the robot",
         )
     return float(delays[best]), scale
 

@@ -123,15 +123,15 @@ class NatNetStream:
                 self.close()
                 raise
             except (OSError, ValueError, TypeError, struct.error, self._library.NatNetError) as error:
-                problems.append(" ".join(str(error).split()) or "no answer")  # TimeoutError is an OSError
+                problems.append(" ".join(str(error).split()) or "no reply")  # TimeoutError is an OSError
                 continue
             if not lacking:
                 self.multicast = multicast
                 self.connections += 1
                 return
-            problems.insert(0, f"it answers, but sends no {lacking}")
+            problems.insert(0, f"it responds, but sends no {lacking}")
         self.close()
-        hint = "is Motive running there, with Streaming > Enable on, and is that network's interface chosen?"
+        hint = "check that Motive is running with Streaming > Enable on, on that network's interface"
         raise MocapLostError(f"no NatNet stream from {self.host}:{self.port}: {problems[0]}", hint=hint)
 
     def _try(self, multicast: bool) -> None:
@@ -145,8 +145,8 @@ class NatNetStream:
         self._client.connect(timeout=_ANSWER_S)
         version = self._client.server_info.nat_net_protocol_version
         if version.major < _FIRST_VERSION:
-            problem = f"the NatNet server {self.host} speaks version {version}, without times of exposure"
-            raise MocapSourceError(problem, hint="Motive 2.0 and later speak NatNet 3")
+            problem = f"the NatNet server {self.host} has NatNet {version}, without exposure times"
+            raise MocapSourceError(problem, hint="use Motive 2.0 or later, with NatNet 3")
         self._client.update_sync()  # what came while it waited for the answer is old
         self._client.on_data_frame_received_event.handlers.append(self._on_frame)
         self._client.on_data_description_received_event.handlers.append(self._on_description)
@@ -207,15 +207,15 @@ class NatNetStream:
             if changed:
                 self._client.request_modeldef()
         except OSError as error:
-            raise MocapLostError(f"the NatNet server {self.host} cannot be reached any more: {error}") from error
+            raise MocapLostError(f"the NatNet server {self.host} is no longer reachable: {error}") from error
 
     def _latency(self, arrived_s: float, suffix: Any) -> float | None:
         latency_s = self._ticks.latency(suffix)
         if self._ticks.seconds is None:
             self._unmeasured_s = self._unmeasured_s or arrived_s
             if arrived_s - self._unmeasured_s > _TICKS_WITHIN_S:
-                problem = f"the times in the frames of the NatNet server {self.host} say nothing"
-                raise MocapSourceError(problem, hint="is Motive live, and not at the end of a recording?")
+                problem = f"the times in the frames of the NatNet server {self.host} are invalid"
+                raise MocapSourceError(problem, hint="check that Motive is live, not at the end of a recording")
         return latency_s
 
     def _pose(self, arrived_s: float, frame: Any) -> Pose | None:
@@ -234,7 +234,7 @@ class NatNetStream:
         if tilt(quaternion) > LARGEST_TILT:
             self._tilted_s = self._tilted_s or arrived_s
             if arrived_s - self._tilted_s > TILT_S:
-                problem = f"{self.subject} lies on its side, {math.degrees(tilt(quaternion)):.0f} degrees over"
+                problem = f"{self.subject} is tilted, {math.degrees(tilt(quaternion)):.0f} degrees"
                 raise MocapSourceError(problem, hint="set Up Axis to Z in Motive's streaming settings")
             return None
         self._tilted_s = 0.0
@@ -243,7 +243,7 @@ class NatNetStream:
 
     def _unknown_object(self, ids: dict[str, int]) -> MocapSourceError:
         names = sorted(ids)[:_NAMES_SHOWN]
-        hint = f"it has {', '.join(names)}" if names else "it has no rigid bodies: make one in Motive, and enable it"
+        hint = f"it has {', '.join(names)}" if names else "it has no rigid bodies: create one in Motive and enable it"
         return MocapSourceError(f"the NatNet server {self.host} has no rigid body {self.subject!r}", hint=hint)
 
     def close(self) -> None:

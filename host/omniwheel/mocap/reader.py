@@ -59,7 +59,7 @@ class ProcessSource:
         try:
             if not self._pipe.poll(_STARTING_S + timeout_s):
                 waited = f"{_STARTING_S + timeout_s:g} s"
-                raise MocapLostError(f"{self.name} did not answer within {waited}", hint="is the host right?")
+                raise MocapLostError(f"{self.name} did not respond within {waited}", hint="check the host")
             self._take()
         except BaseException:
             self.close()
@@ -86,7 +86,7 @@ class ProcessSource:
         try:
             said: MocapPose | MocapError | None = self._pipe.recv()
         except (EOFError, OSError) as error:
-            raise MocapLostError(f"the process that reads {self.name} ended", hint="start again") from error
+            raise MocapLostError(f"the process that reads {self.name} ended", hint="restart the command") from error
         if isinstance(said, MocapError):
             raise said
         return said

@@ -75,7 +75,7 @@ def read_recording(path: Path) -> list[MocapPose]:
     """Return the poses of a recording. MocapSourceError names file, line, column and what is wrong."""
     table = read_table(path, _FILE)
     if not table.lines:
-        raise MocapSourceError(f"{path}: there is no pose in this recording", hint=_HINT)
+        raise MocapSourceError(f"{path}: the recording has no pose", hint=_HINT)
     return list(_poses(path, table))
 
 

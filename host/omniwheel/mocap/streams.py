@@ -23,7 +23,7 @@ from omniwheel.mocap.simulated import SimulatedSource
 from omniwheel.mocap.source import MocapSource
 from omniwheel.mocap.vicon import ViconSource
 
-ALLOWED = "allowed are vicon:HOST/OBJECT, natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated"
+ALLOWED = "use vicon:HOST/OBJECT, natnet:HOST/OBJECT, camera:FILE, recorded:FILE or simulated"
 
 
 def open_source(name: str, *, seed: int = 1, timeout_s: float = DEFAULT_TIMEOUT_S) -> MocapSource:
@@ -32,7 +32,7 @@ def open_source(name: str, *, seed: int = 1, timeout_s: float = DEFAULT_TIMEOUT_
     if kind in ("vicon", "natnet"):
         host, slash, subject = place.partition("/")
         if not (host and slash and subject):
-            raise MocapSourceError(f"cannot understand {name!r}: a host and an object are needed", hint=ALLOWED)
+            raise MocapSourceError(f"cannot understand {name!r}: it lacks a host or an object", hint=ALLOWED)
         return _open_system(kind, host, subject, timeout_s)
     if kind == "camera" and place:
         return open_camera(name, Path(place))
@@ -50,5 +50,5 @@ def _open_system(kind: str, host: str, subject: str, timeout_s: float) -> MocapS
     if not colon:
         return NatNetSource(host, subject, timeout_s=timeout_s)
     if not (host and port.isdecimal() and len(port) <= 5 and 0 < int(port) < 2**16):
-        raise MocapSourceError(f"{port!r} is no port of a NatNet server: 1 to 65535", hint=ALLOWED)
+        raise MocapSourceError(f"{port!r} is not a port; must be from 1 to 65535", hint=ALLOWED)
     return NatNetSource(host, subject, port=int(port), timeout_s=timeout_s)

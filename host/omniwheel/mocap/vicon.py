@@ -58,7 +58,7 @@ class ViconStream:
         v = self._library
         result = self._client.connect(self.host)
         if result not in (v.Result.Success, v.Result.ClientAlreadyConnected):
-            hint = "is Tracker or Nexus running there, and port 801 reachable?"
+            hint = "check that Tracker or Nexus is running and port 801 is reachable"
             raise MocapLostError(f"no Vicon DataStream at {self.host}: {result.name}", hint=hint)
         steps = (
             self._client.enable_segment_data(),
@@ -67,7 +67,7 @@ class ViconStream:
         )
         if any(step != v.Result.Success for step in steps):
             names = ", ".join(step.name for step in steps)
-            raise MocapLostError(f"the Vicon server {self.host} refuses what a robot needs: {names}")
+            raise MocapLostError(f"the Vicon server {self.host} rejected required settings: {names}")
         self.connections += 1
         self._segment = None
 

@@ -11,7 +11,7 @@ from omni_schema.gyro import SCL_PIN, SDA_PIN
 from omniwheel.wiring import electrics
 from omniwheel.wiring.plan import RADIO_RX, RADIO_TX, SCL, SDA, WiringPlan
 
-HEADING = "watch out for"
+HEADING = "note"
 """What stands above ``mind`` wherever a person reads the table."""
 
 
@@ -21,7 +21,7 @@ class Connection:
 
     start: str
     end: str
-    mind: str
+    note: str
 
 
 def connections(plan: WiringPlan) -> tuple[Connection, ...]:
@@ -38,7 +38,7 @@ def connections(plan: WiringPlan) -> tuple[Connection, ...]:
     return (*signals, *_supplies(plan))
 
 
-def bus_mind(plan: WiringPlan) -> str:
+def bus_note(plan: WiringPlan) -> str:
     """Return what the bus needs at its speed."""
     if plan.i2c_speed_Hz >= 1_000_000:
         return "1 MHz: add 1.4 kΩ from each to 3.3 V, near the chip"
@@ -46,7 +46,7 @@ def bus_mind(plan: WiringPlan) -> str:
     return f"pull-ups to 3.3 V: the 10 kΩ on the usual board do for {speed} on wires of some 20 cm"
 
 
-def oe_mind() -> str:
+def oe_note() -> str:
     """Return the advice on the pull-up of OE, with its figures."""
     good = electrics.oe_level_V(electrics.OE_PULL_UP_OHM)
     poor = electrics.oe_level_V(electrics.BOARD_PULL_DOWN_OHM)
@@ -57,7 +57,7 @@ def oe_mind() -> str:
     )
 
 
-def bridge_mind(plan: WiringPlan) -> str:
+def bridge_note(plan: WiringPlan) -> str:
     """Return the advice on the current limit of a bridge."""
     low, high = electrics.BRIDGE_SUPPLY_V
     limit = electrics.BRIDGE_LIMIT_KOHM
@@ -67,21 +67,21 @@ def bridge_mind(plan: WiringPlan) -> str:
     )
 
 
-def pull_down_mind() -> str:
+def pull_down_note() -> str:
     """Return the advice on the resistors at the motors' pins."""
-    return "10 kΩ from each wire to ground: in reset nothing else holds it low"
+    return "10 kΩ from each wire to ground: during reset only the resistor holds it low"
 
 
-def button_mind() -> str:
+def button_note() -> str:
     """Return the advice on the stop button's contact and its current."""
     weak, strong = 1e3 * electrics.button_A(), 1e3 * electrics.button_A(electrics.BUTTON_PULL_UP_OHM)
     return (
-        f"normally closed, latching: a cut wire stops, too. {weak:.2f} mA flow; a contact that wants more, or a long "
-        f"wire: 1 kΩ from the pin to 3.3 V ({strong:.1f} mA), 10 nF from the pin to ground"
+        f"normally closed, latching: a cut wire stops, too. {weak:.2f} mA flow; for a contact that needs more "
+        f"current, or a long wire: 1 kΩ from the pin to 3.3 V ({strong:.1f} mA), 10 nF from the pin to ground"
     )
 
 
-def gyro_mind(gyro: GyroWiring) -> str:
+def gyro_note(gyro: GyroWiring) -> str:
     """Return how the gyro's chip is mounted and addressed."""
     way = "up" if gyro.axis > 0 else "down"
     chip = gyro.chip
@@ -93,17 +93,17 @@ def gyro_mind(gyro: GyroWiring) -> str:
     )
 
 
-def flow_mind(flow: FlowWiring) -> str:
+def flow_note(flow: FlowWiring) -> str:
     """Return how the sensor of motion over the floor is mounted."""
     if not flow.chip.wheels:
-        return "flat, at the height over the floor that its maker names, its window free; cable below 20 cm"
+        return "flat, at the mounting height of its data sheet, its window free; cable below 20 cm"
     return (
         f"x wheel {flow.x_wheel_mm:g} mm left of the robot's centre, y wheel {flow.y_wheel_mm:g} mm in front of it "
         "(negative: right, behind); cable below 20 cm"
     )
 
 
-def divider_mind(plan: WiringPlan) -> str:
+def divider_note(plan: WiringPlan) -> str:
     """Return the resistors of the battery's divider."""
     full = electrics.LOGIC_V * plan.battery_divider
     return (
@@ -116,7 +116,7 @@ def _bus(plan: WiringPlan) -> list[Connection]:
     if not plan.chip:
         return []
     return [
-        Connection(f"Teensy {SDA} (SDA), {SCL} (SCL)", "PCA9685 SDA, SCL", bus_mind(plan)),
+        Connection(f"Teensy {SDA} (SDA), {SCL} (SCL)", "PCA9685 SDA, SCL", bus_note(plan)),
         Connection("Teensy 3.3 V", "PCA9685 VCC", "never 5 V: its pull-ups would put 5 V onto the Teensy's pins"),
     ]
 
@@ -127,26 +127,24 @@ def _output_enable(plan: WiringPlan) -> list[Connection]:
         return [] if pin is None else [Connection(f"Teensy {pin}", "OE of the bridges' buffer", "1 kΩ to 3.3 V")]
     if plan.output_enable_pin is None:
         return [Connection("ground", "PCA9685 OE", "not wired to the Teensy: only the bus can stop a motor")]
-    return [Connection(f"Teensy {plan.output_enable_pin}", "PCA9685 OE", oe_mind())]
+    return [Connection(f"Teensy {plan.output_enable_pin}", "PCA9685 OE", oe_note())]
 
 
 def _wheels(plan: WiringPlan) -> list[Connection]:
     numbers = ", ".join(str(wheel.number) for wheel in plan.wheels)
     channels = ", ".join(f"{wheel.in1_channel}/{wheel.in2_channel}" for wheel in plan.wheels)
-    bridge = Connection("DRV8871 OUT1, OUT2", "its motor", bridge_mind(plan))
+    bridge = Connection("DRV8871 OUT1, OUT2", "its motor", bridge_note(plan))
     found = [Connection(f"PCA9685 channels {channels}", f"IN1/IN2 of the DRV8871 of wheel {numbers}", ""), bridge]
     if not plan.chip:
         motors = ", ".join("/".join(map(str, wheel.motor_pins or ())) for wheel in plan.wheels)
         end = f"{'/'.join(plan.motor_inputs)} of the bridge of wheel {numbers}"
-        found = [Connection(f"Teensy {motors}", end, pull_down_mind()), bridge]
+        found = [Connection(f"Teensy {motors}", end, pull_down_note()), bridge]
     if plan.encoders:
         pins = ", ".join("/".join(map(str, wheel.encoder_pins or ())) for wheel in plan.wheels)
         mind = "5 V encoders through a level shifter: the Teensy's pins bear 3.3 V"
         found.append(Connection(f"encoder A/B of wheel {numbers}", f"Teensy {pins}", mind))
     else:
-        found.append(
-            Connection("encoders", "nothing", "the robot file gives no encoder_pins: no firmware can be built")
-        )
+        found.append(Connection("encoders", "nothing", "the robot file has no encoder_pins: no firmware can be built"))
     return found
 
 
@@ -161,7 +159,7 @@ def _gyro(plan: WiringPlan) -> list[Connection]:
         return []
     chip = plan.gyro.chip
     return [
-        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip.name} SDA, SCL", gyro_mind(plan.gyro)),
+        Connection(f"Teensy {SDA_PIN} (SDA1), {SCL_PIN} (SCL1)", f"{chip.name} SDA, SCL", gyro_note(plan.gyro)),
         Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V, unless its board has a regulator"),
     ]
 
@@ -172,7 +170,7 @@ def _flow(plan: WiringPlan) -> list[Connection]:
     chip = plan.flow.chip
     pins = f"Teensy {floor_motion.SDA_PIN} (SDA2), {floor_motion.SCL_PIN} (SCL2)"
     return [
-        Connection(pins, f"{chip.name} SDA, SCL", flow_mind(plan.flow)),
+        Connection(pins, f"{chip.name} SDA, SCL", flow_note(plan.flow)),
         Connection("Teensy 3.3 V", f"{chip.name} {chip.supply}", "never 5 V: the Teensy's pins bear 3.3 V"),
     ]
 
@@ -180,13 +178,13 @@ def _flow(plan: WiringPlan) -> list[Connection]:
 def _extras(plan: WiringPlan) -> list[Connection]:
     found = []
     if plan.battery_pin is not None:
-        found.append(Connection("VM through a divider", f"Teensy {plan.battery_pin}", divider_mind(plan)))
+        found.append(Connection("VM through a divider", f"Teensy {plan.battery_pin}", divider_note(plan)))
     if plan.stop_button_pin is not None:
-        found.append(Connection("ground through the stop button", f"Teensy {plan.stop_button_pin}", button_mind()))
+        found.append(Connection("ground through the stop button", f"Teensy {plan.stop_button_pin}", button_note()))
     if plan.external_light:
         found.append(Connection(f"Teensy {plan.light_pin}", "lamp: 470 Ω, LED, ground", ""))
     else:
-        found.append(Connection(f"Teensy {plan.light_pin}", "the lamp on the board", "nothing to wire"))
+        found.append(Connection(f"Teensy {plan.light_pin}", "the lamp on the board", "no wire"))
     return found
 
 

@@ -7,14 +7,14 @@ from enum import IntEnum
 
 from omniwheel.wiring import electrics
 from omniwheel.wiring.connections import (
-    bridge_mind,
-    bus_mind,
-    button_mind,
-    divider_mind,
-    flow_mind,
-    gyro_mind,
-    oe_mind,
-    pull_down_mind,
+    bridge_note,
+    bus_note,
+    button_note,
+    divider_note,
+    flow_note,
+    gyro_note,
+    oe_note,
+    pull_down_note,
 )
 from omniwheel.wiring.plan import WiringPlan
 from omniwheel.wiring.sheet import LINE_HEIGHT, MOTOR, SIGNAL, SMALL, SUPPLY, Point, Sheet
@@ -45,11 +45,11 @@ def note_texts(plan: WiringPlan) -> dict[Note, str]:
     low, high = electrics.TEENSY_SUPPLY_V
     trip = len(plan.wheels) * electrics.trip_current_A()
     texts = {
-        Note.OUTPUT_ENABLE: f"OE: {oe_mind()}." if plan.output_enable_pin is not None else "OE: see the warning.",
+        Note.OUTPUT_ENABLE: f"OE: {oe_note()}." if plan.output_enable_pin is not None else "OE: see the warning.",
         Note.CHIP_SUPPLY: "VCC of the PCA9685 is 3.3 V, never 5 V: its pull-ups would put 5 V onto the Teensy's pins.",
-        Note.BUS: f"SDA, SCL: {bus_mind(plan)}.",
+        Note.BUS: f"SDA, SCL: {bus_note(plan)}.",
         Note.ENCODERS: "The Teensy's pins bear 3.3 V. Encoders of 3.3 V need no level shifter.",
-        Note.BRIDGE: f"{bridge_mind(plan)}.",
+        Note.BRIDGE: f"{bridge_note(plan)}.",
         Note.SUPPLY: f"VIN takes {low} to {high} V. USB alone does as well. With both, cut the trace between VUSB and "
         "VIN under the Teensy, or one supply feeds the other.",
         Note.MOTOR_SUPPLY: f"Switch within reach. The fuse protects the wires: all motors at their limit take "
@@ -60,17 +60,17 @@ def note_texts(plan: WiringPlan) -> dict[Note, str]:
     }
     if not plan.chip:
         del texts[Note.BUS], texts[Note.OUTPUT_ENABLE]
-        texts[Note.CHIP_SUPPLY] = f"Motor pins: {pull_down_mind()}."
+        texts[Note.CHIP_SUPPLY] = f"Motor pins: {pull_down_note()}."
     if not plan.encoders:
         del texts[Note.ENCODERS]
     if plan.battery_pin is not None:
-        texts[Note.DIVIDER] = f"Battery: {divider_mind(plan)}."
+        texts[Note.DIVIDER] = f"Battery: {divider_note(plan)}."
     if plan.stop_button_pin is not None:
-        texts[Note.STOP_BUTTON] = f"Stop button: {button_mind()}."
+        texts[Note.STOP_BUTTON] = f"Stop button: {button_note()}."
     if plan.gyro is not None:
-        texts[Note.GYRO] = f"Gyro: {gyro_mind(plan.gyro)}."
+        texts[Note.GYRO] = f"Gyro: {gyro_note(plan.gyro)}."
     if plan.flow is not None:
-        texts[Note.FLOW] = f"{plan.flow.chip.name}: {flow_mind(plan.flow)}."
+        texts[Note.FLOW] = f"{plan.flow.chip.name}: {flow_note(plan.flow)}."
     return texts
 
 

@@ -24,7 +24,7 @@ _PULL_UPS_OHM = (10_000.0, 4_700.0, 2_200.0, electrics.OE_PULL_UP_OHM)
 
 def markdown(table: tuple[Connection, ...]) -> str:
     """Return the table in Markdown."""
-    rows = [f"| {row.start} | {row.end} | {row.mind} |" for row in table]
+    rows = [f"| {row.start} | {row.end} | {row.note} |" for row in table]
     return "\n".join([f"| From | To | {HEADING.capitalize()} |", "|---|---|---|", *rows])
 
 

@@ -19,13 +19,14 @@ BRIDGE_INPUTS = ("IN1", "IN2")
 """Of the bridges behind a PWM chip."""
 
 NO_OE = (
-    "OE is not wired: only the I2C bus can stop a motor. If somebody presses the Teensy's button, the motors go on "
-    "with their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted "
-    "it. To mend it: output_enable_pin."
+    "OE is not wired: only the I2C bus can stop a motor. After a press of the Teensy's button, the motors keep "
+    "their last duties until the motor switch is off; if the processor hangs, until the watchdog has restarted it. "
+    "Remedy: set output_enable_pin."
 )
 NO_ENABLE = (
-    "No output-enable pin: only the motors' own pins can stop a motor. If the processor hangs, they go on until the "
-    "watchdog has restarted it; then the resistors to ground take over. To mend it: output_enable_pin, to bridges or a "
+    "No output-enable pin: only the motors' own pins can stop a motor. If the processor hangs, they keep running "
+    "until the watchdog has restarted it; then the resistors to ground take over. Remedy: set output_enable_pin, "
+    "wired to bridges or a "
     "buffer with an enable input that is active low."
 )
 NO_TEENSY_BUILD = "The firmware for a Teensy cannot be built from this file: {problem}."
@@ -144,12 +145,12 @@ def _warnings(robot: Robot, wheels: tuple[WheelWiring, ...], supply_V: float) ->
         found.append(f"PCA9685 channel {', '.join(twice)} is used twice: every bridge input needs its own.")
     low, high = BRIDGE_SUPPLY_V
     if not low <= supply_V <= high:
-        found.append(f"A supply of {supply_V:g} V is outside of what a DRV8871 takes: {low:g} to {high:g} V.")
+        found.append(f"A supply of {supply_V:g} V is outside a DRV8871's range: {low:g} to {high:g} V.")
     if board.battery_pin is not None and supply_V / board.battery_divider > LOGIC_V:
         level_V = supply_V / board.battery_divider
         found.append(
             f"{supply_V:g} V by a divider of {board.battery_divider:g} puts {level_V:.1f} V onto pin "
-            f"{board.battery_pin}: it bears {LOGIC_V} V. Use a larger divider."
+            f"{board.battery_pin}: its maximum is {LOGIC_V} V. Use a larger divider."
         )
     return found
 

@@ -73,7 +73,7 @@ class Sheet:
         self._rectangle("box", at, width, height, {"fill": fill, **OUTLINE})
 
     def frame(self, at: Point, width: float, height: float) -> None:
-        """Draw a thick dashed frame around what nobody may miss."""
+        """Draw a thick dashed frame around a warning."""
         style = {"fill": "none", "stroke": "#000000", "stroke-width": "3", "stroke-dasharray": "10 5"}
         self._rectangle("frame", at, width, height, style)
 

@@ -134,7 +134,7 @@ class Bench:
         self.stranger: Stranger | None = None
         self._moved = np.zeros(world.wheels)
 
-    def tell(self, text: str) -> None:
+    def show(self, text: str) -> None:
         self.told.append(text)
         if text.startswith("Turn wheel "):
             self._turn(int(text.split()[2]) - 1)

@@ -38,7 +38,7 @@ def test_good_motors_pass_and_the_robot_is_left_disarmed(make_bench: MakeBench, 
     assert not bench.robot.status.armed
     assert not bench.armed
     assert result.measured["wheel_1"]["speed_over_model"] == pytest.approx(0.95, abs=0.1)
-    assert 0.0 < result.measured["wheel_1"]["dead_band_duty"] < 0.1
+    assert 0.0 < result.measured["wheel_1"]["deadband_duty"] < 0.1
 
 
 def test_nothing_moves_unless_the_person_agrees(bench: Bench) -> None:

@@ -18,7 +18,7 @@ def test_all_three_stops_work_in_time_and_the_robot_is_left_ready(bench: Bench) 
     result = check_stops(bench.robot, bench)
     assert result.ok, failures(result)
     assert result.measured["emergency_stop_s"] < 0.2
-    assert 0.3 < result.measured["set-point_loss_s"] < 0.7
+    assert 0.3 < result.measured["setpoint_loss_s"] < 0.7
     assert 1.5 < result.measured["link_loss_s"] < 3.2
     assert not bench.armed
     bench.robot.arm()  # the emergency stop is released
@@ -60,7 +60,7 @@ def test_wheels_that_do_not_turn_prove_nothing(make_bench: MakeBench) -> None:
     dead = [Fault("motor_dead", 0.0, wheel=wheel) for wheel in range(3)]
     bench = make_bench(faults=dead)
     result = check_stops(bench.robot, bench)
-    assert set(failures(result)) == {"emergency stop", "set-point loss", "link loss"}
+    assert set(failures(result)) == {"emergency stop", "setpoint loss", "link loss"}
     assert "omni bringup motors" in result.advice[0]
 
 

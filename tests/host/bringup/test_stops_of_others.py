@@ -14,7 +14,7 @@ from omniwheel.errors import ArmingRefusedError
 from tests.host.bringup.conftest import Bench, MakeBench
 
 CHECKS = [check_stops, check_stop_button]
-OWN_STOP_ON, SILENT, LATER = "own stop on", "set-points missing", "heartbeats missing"
+OWN_STOP_ON, SILENT, LATER = "own stop on", "setpoints missing", "heartbeats missing"
 
 
 def with_stranger(make_bench: MakeBench) -> tuple[Bench, Callable[[], None]]:

@@ -37,8 +37,8 @@ def omni(*words: str) -> Result:
         ("velocity 0 0.17 0 --world-frame", "LIM_WHEEL is 3 rad/s"),
         ("pose 0.1 0 90", "90deg"),
         ("pose 500 0 0", "LIM_POS"),
-        ("pose 3 0 0 --duration 5", "the time given is 5 s"),
-        ("pose 0.1 0 ninety", "an angle is needed"),
+        ("pose 3 0 0 --duration 5", "5 s"),
+        ("pose 0.1 0 ninety", "ninety"),
         ("pose 0.1 0 infdeg", "theta"),
         ("duty 0.1 0.1", "2 duties for 3 wheels"),
         ("trajectory foo", "rose"),
@@ -81,7 +81,7 @@ def test_the_refusal_names_limit_value_and_remedy() -> None:
         LimitError, match=r"asked 1.5 m/s; this robot reaches 0.176 m/s of that: LIM_WHEEL is 3"
     ) as caught:
         check_velocity(model, Twist(1.5, 0.0, 0.0))
-    assert "no limit helps" in caught.value.hint
+    assert "faster" in caught.value.hint
     with pytest.raises(LimitError) as caught:
         check_velocity(model, Twist(0.18, 0.0, 0.0))
     assert "omni params set LIM_WHEEL=3.1" in caught.value.hint

@@ -64,7 +64,7 @@ def behind_a_radio(seed: int = 1) -> Iterator[tuple[Robot, RadioLink]]:
 @pytest.mark.full
 @pytest.mark.parametrize("seed", [1, 2, 5])
 def test_a_step_over_a_bad_radio_shows_the_same_as_over_a_cable(seed: int) -> None:
-    """With ten set-points a second the radio was full: of six seeds, four did not get through."""
+    """With ten setpoints a second the radio was full: of six seeds, four did not get through."""
     with behind_a_radio(seed) as (robot, radio):
         outcome = step(robot, wheel=1, duration_s=0.2, on_stand=True)
         assert radio.radio.down.packets_lost > 0

@@ -88,7 +88,7 @@ def test_a_motor_wired_the_other_way_gets_the_other_sign() -> None:
 
 
 @given(st.integers(0, 254), st.floats(-1.5, 1.5))
-def test_pwm_is_linear_beyond_the_dead_band_and_reads_back(pwm_min: int, share: float) -> None:
+def test_pwm_is_linear_beyond_the_deadband_and_reads_back(pwm_min: int, share: float) -> None:
     pwm = pwm_of(share, pwm_min)
     limited = max(-1.0, min(1.0, share))
     assert -255 <= pwm <= 255

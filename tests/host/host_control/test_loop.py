@@ -93,11 +93,11 @@ def test_it_follows_a_path_within_millimetres_over_9600_baud(mode: str) -> None:
 
 
 @pytest.mark.full
-def test_dead_band_compensation_removes_what_a_weak_p_controller_leaves() -> None:
+def test_deadband_compensation_removes_what_a_weak_p_controller_leaves() -> None:
     weak = {"CTL_MODE": "p", "FL_KP_XY": 0.5, "FL_KP_TH": 0.5}
     ends = []
     for settings in (HostControlSettings(), HostControlSettings(full_speed_rad_s=2.53, pwm_min=60)):
-        setup = Setup(Goal(ORIGIN, 0.0), Pose(0.5, 0.3, 0.5), settings, weak, dead_band_pwm=60.0)
+        setup = Setup(Goal(ORIGIN, 0.0), Pose(0.5, 0.3, 0.5), settings, weak, deadband_pwm=60.0)
         setup.run(40.0)
         ends.append(math.hypot(*setup.robot.world.truth[:2]))
     assert ends[0] > 0.02
@@ -340,7 +340,7 @@ def test_the_command_follows_a_path_and_says_when_it_did_not_finish() -> None:
     [
         ([], "--link is missing"),
         (["--link", "/dev/null"], "--source is missing"),
-        (["--link", "/dev/null", "--source", "simulated"], "does not see the robot"),
+        (["--link", "/dev/null", "--source", "simulated"], "--source simulated"),
         (["--simulate", "--robot", "three_wheel"], "3 wheels"),
         (["--simulate", "--set", "CTL_MODE=original"], "needs encoders"),
         (["--simulate", "--pwm-min", "300"], "0 to 254"),

@@ -13,7 +13,7 @@ from omniwheel.errors import IdentificationError
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.model import FLOOR, STAND, Layout
-from omniwheel.identification.motor_steps import dead_band, identify_motors
+from omniwheel.identification.motor_steps import deadband, identify_motors
 from omniwheel.identification.physical import Known, physical
 
 
@@ -28,8 +28,8 @@ def test_steps_show_gain_friction_and_inertia(simulated: SimulatedRobot, stand: 
         assert fit.estimate["speed_gain_V_s"] == pytest.approx(truth["speed_gain_V_s"], rel=2e-3)
         assert fit.estimate["coulomb_V"] == pytest.approx(truth["coulomb_V"], rel=0.05)
         assert fit.estimate["inertia_V_s2"] == pytest.approx(truth["inertia_V_s2"], rel=0.08)
-    assert len(found.dead_bands) == 6
-    for band in found.dead_bands:
+    assert len(found.deadbands) == 6
+    for band in found.deadbands:
         assert band.still_V < band.moving_V <= truth["coulomb_V"] + 0.25
 
 
@@ -37,7 +37,7 @@ def test_a_motor_that_never_turns_is_named(stand: Dataset) -> None:
     assert stand.wheel_angle_rad is not None
     stuck = replace(stand, wheel_angle_rad=stand.wheel_angle_rad * [1.0, 0.0, 1.0])
     with pytest.raises(IdentificationError, match="wheel 2 never turns forwards"):
-        dead_band(stuck, 1, 1)
+        deadband(stuck, 1, 1)
 
 
 def test_mass_and_resistance_give_everything_else(simulated: SimulatedRobot, layout: Layout) -> None:

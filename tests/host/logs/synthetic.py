@@ -79,7 +79,7 @@ class Known:
     reverse_m: tuple[float, float, float] = (0.031, 0.030, 0.027)
     distance_m: float = 0.12
     duty_per_rad_s: tuple[float, float, float] = (0.030, 0.027, 0.033)
-    dead_band: tuple[float, float, float] = (0.05, 0.08, 0.03)
+    deadband: tuple[float, float, float] = (0.05, 0.08, 0.03)
     lag_s: float = 0.1
     offset_s: float = 1.37
     rotation_rad: float = 0.7
@@ -107,7 +107,7 @@ def duties(seed: int, seconds: float = 16.0) -> Array:
 
 def motion(known: Known, duty: Array) -> tuple[Array, Array]:
     """True wheel speeds (n, 3) and true poses (n, 3) at the end of each period."""
-    slope, dead = np.array(known.duty_per_rad_s), np.array(known.dead_band)
+    slope, dead = np.array(known.duty_per_rad_s), np.array(known.deadband)
     wanted = np.sign(duty) * np.maximum(np.abs(duty) - dead, 0.0) / slope
     keep = np.exp(-T / known.lag_s)
     speed = np.zeros_like(duty)

@@ -43,14 +43,14 @@ def test_radii_by_wheel_and_direction_are_recovered(study: LogStudy) -> None:
 def test_motor_curves_are_recovered(study: LogStudy) -> None:
     fit = study.whole.curve
     for slope, dead in (
-        ("forward_duty_per_rad_s", "forward_dead_band"),
-        ("reverse_duty_per_rad_s", "reverse_dead_band"),
+        ("forward_duty_per_rad_s", "forward_deadband"),
+        ("reverse_duty_per_rad_s", "reverse_deadband"),
     ):
-        for name, known in ((slope, KNOWN.duty_per_rad_s), (dead, KNOWN.dead_band)):
+        for name, known in ((slope, KNOWN.duty_per_rad_s), (dead, KNOWN.deadband)):
             off = (getattr(fit.curve, name) - known) / getattr(fit.sd, name)
             assert np.all(np.abs(off) < 4.0), name
     assert fit.curve.time_constant_s == pytest.approx(np.full(3, KNOWN.lag_s), rel=0.2)
-    assert np.all(fit.sd.forward_dead_band < 0.02)
+    assert np.all(fit.sd.forward_deadband < 0.02)
 
 
 def test_the_left_out_run_is_predicted_to_a_few_millimetres(study: LogStudy) -> None:
@@ -104,8 +104,8 @@ def test_what_the_logs_lack_is_named(runs: list[WheelLog], robot: Robot) -> None
 def test_a_direction_that_was_never_driven_is_marked(runs: list[WheelLog]) -> None:
     forward = [replace(log, duty=np.maximum(log.duty, 0.0), good=log.good & (log.duty >= 0.0)) for log in runs]
     fit = fit_motor_curve(forward)
-    assert np.all(np.isinf(fit.sd.reverse_dead_band))
-    assert np.all(np.isfinite(fit.sd.forward_dead_band))
+    assert np.all(np.isinf(fit.sd.reverse_deadband))
+    assert np.all(np.isfinite(fit.sd.forward_deadband))
 
 
 def test_a_run_that_is_left_out_has_no_say_in_what_predicts_it(

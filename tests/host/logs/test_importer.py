@@ -174,7 +174,7 @@ def test_a_csv_file_is_no_imported_log(files: Path) -> None:
         load_log(files / "run1.csv")
 
 
-def test_a_sensor_that_stops_is_named_and_a_set_point_is_not() -> None:
+def test_a_sensor_that_stops_is_named_and_a_setpoint_is_not() -> None:
     time = np.round(np.arange(0.0, 10.0, 0.01), 2)
     draw = np.random.default_rng(4)
     stopped = draw.normal(size=len(time))

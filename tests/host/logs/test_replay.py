@@ -86,7 +86,7 @@ def test_fixes_hold_the_estimate_and_their_nis_is_that_of_their_noise(clean: Whe
 
 def test_a_calibration_drives_the_filters_by_the_motor_curve(tmp_path: Path, clean: WheelLog, robot: Robot) -> None:
     speed, _ = synthetic.motion(KNOWN, synthetic.duties(1))
-    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.deadband)
     calibration = Calibration(np.ones(3), np.ones(3), MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s)))
     save_calibration(calibration, tmp_path / "robot.calibration.toml")
     again = load_calibration(tmp_path / "robot.calibration.toml", 3)
@@ -106,7 +106,7 @@ def test_without_a_heading_the_turn_scale_says_it_and_the_other_scales_the_path(
     _, pose = synthetic.motion(KNOWN, synthetic.duties(1))
     values = robot.parameter_values()
     small = replace(robot, overrides={**robot.overrides, "WHEEL_RADIUS": values["WHEEL_RADIUS"] / 1.1})
-    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.deadband)
     curve = MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s))
     given = Calibration(np.full(3, 1.32), np.full(3, 1.32), curve, np.full(3, 1.1))
     save_calibration(given, tmp_path / "robot.calibration.toml")
@@ -128,7 +128,7 @@ def test_a_frozen_heading_is_bridged_by_how_the_wheels_turn(clean: WheelLog, rob
     turning = int(np.argmax(np.abs(pose[200:, 2] - pose[:-200, 2])))
     lost = clean.heading_rad.copy()
     lost[turning : turning + 200] = np.nan
-    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.deadband)
     curve = MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s))
     short = np.full(3, 1.0 / 1.1)
     off = []

@@ -16,7 +16,7 @@ from omniwheel.logs.calibration import Calibration, MotorCurve
 from omniwheel.logs.importer import ImportSummary, import_log
 from omniwheel.logs.log import WheelLog, load_log, save_log
 from omniwheel.logs.mapping import Spikes, read_mapping
-from omniwheel.logs.spikes import doubt_about_counts, reject_spikes
+from omniwheel.logs.spikes import count_noise_warning, reject_spikes
 from omniwheel.replay import filter_wheels, replay
 from omniwheel.robots import read_robot
 from tests.host.logs import synthetic
@@ -49,7 +49,7 @@ def sampled_robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
 
 def with_motor(robot: Robot, **values: float) -> tuple[Robot, Calibration]:
     """The synthetic robot's own motor and curve, so that all that is left is noise."""
-    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.dead_band)
+    slope, dead = np.array(KNOWN.duty_per_rad_s), np.array(KNOWN.deadband)
     curve = MotorCurve(slope, slope, dead, dead, np.full(3, KNOWN.lag_s))
     motor = {"MOT_K": 0.36, "MOT_B": 0.0, "MOT_R": 2.0, "MOT_L": 1e-4, "MOT_J": KNOWN.lag_s * 0.36**2 / 2.0}
     noise = {"KF_MODE": 1.0, "KF_Q_W": 0.5, "KF_Q_I": 0.0}
@@ -65,7 +65,7 @@ def test_the_noise_of_a_sample_is_that_of_its_two_readings_and_none_of_it_comes_
     assert np.std(log.wheel_rad_s - speed) == pytest.approx(NOISE_RAD_S, rel=0.03)
     assert np.array(summary.noise_counts) * log.quantum_rad_s == pytest.approx(np.full(3, NOISE_RAD_S), rel=0.06)
     assert np.abs(summary.noise_correlation).max() < 4.0 / np.sqrt(len(log.time_s))
-    assert doubt_about_counts(log, summary.noise_counts, summary.noise_correlation) == ""
+    assert count_noise_warning(log, summary.noise_counts, summary.noise_correlation) == ""
 
 
 def test_the_filter_expects_the_innovations_that_it_sees(
@@ -84,7 +84,7 @@ def test_taken_for_counts_that_add_up_they_are_doubted_and_mislead_a_filter_of_t
     tmp_path: Path, robot: Robot
 ) -> None:
     log, summary = imported(tmp_path, synthetic.MAPPING, 1)
-    assert "sample_s" in doubt_about_counts(log, summary.noise_counts, summary.noise_correlation)
+    assert "sample_s" in count_noise_warning(log, summary.noise_counts, summary.noise_correlation)
     angle, calibration = with_motor(robot, KF_MODE=2.0)
     _, innovation, variance = filter_wheels(log, angle, calibration)
     assert np.nanmean(innovation**2 / variance) > 5.0
@@ -106,9 +106,9 @@ def test_readings_that_go_into_one_count_and_out_of_the_next_are_no_samples(
     log = replace(read[0], counts=np.diff(np.round(angle), axis=0))
     _, noise = reject_spikes(log, Spikes())
     assert np.array(noise.correlation) == pytest.approx(np.full(3, -0.5), abs=0.1)
-    assert "check sample_s" in doubt_about_counts(log, noise.counts, noise.correlation)
+    assert "check sample_s" in count_noise_warning(log, noise.counts, noise.correlation)
     adding = replace(log, sample_s=0.0)
-    assert doubt_about_counts(adding, noise.counts, noise.correlation) == ""
+    assert count_noise_warning(adding, noise.counts, noise.correlation) == ""
 
 
 def test_the_robot_is_identified_from_samples(

@@ -191,7 +191,7 @@ def test_a_stop_button_is_in_the_table_the_drawing_and_its_notes() -> None:
     plan = plan_wiring(robot(stop_button_pin=10))
     (row,) = [row for row in connections(plan) if "stop button" in row.start]
     assert row.end == "Teensy 10"
-    assert "normally closed" in row.mind
+    assert "normally closed" in row.note
     words = " ".join(Drawing(draw_wiring(plan)).words)
     assert "10 stop button" in words
     assert "a cut wire stops, too" in words
@@ -205,8 +205,8 @@ def test_a_gyro_is_in_the_table_the_drawing_and_its_notes() -> None:
     plan = plan_wiring(parse_robot(file, parameter_table(), "test.toml"))
     bus, supply = (row for row in connections(plan) if row.end.startswith("ICM-42688-P"))
     assert bus.start == "Teensy 17 (SDA1), 16 (SCL1)"
-    assert "x of the chip points down" in bus.mind
-    assert "AD0 to 3.3 V (address 0x69)" in bus.mind
+    assert "x of the chip points down" in bus.note
+    assert "AD0 to 3.3 V (address 0x69)" in bus.note
     assert supply.start == "Teensy 3.3 V"
     words = " ".join(Drawing(draw_wiring(plan)).words)
     assert "SDA1 17" in words
@@ -220,7 +220,7 @@ def test_a_sensor_of_floor_motion_is_in_the_table_the_drawing_and_its_notes() ->
     plan = plan_wiring(parse_robot(file, parameter_table(), "test.toml"))
     bus, supply = (row for row in connections(plan) if row.end.startswith("Pinpoint"))
     assert bus.start == "Teensy 25 (SDA2), 24 (SCL2)"
-    assert "x wheel 60 mm left of the robot's centre, y wheel -45 mm in front of it" in bus.mind
+    assert "x wheel 60 mm left of the robot's centre, y wheel -45 mm in front of it" in bus.note
     assert supply.start == "Teensy 3.3 V"
     words = " ".join(Drawing(draw_wiring(plan)).words)
     assert "SDA2 25" in words
@@ -241,7 +241,7 @@ def test_each_chips_pins_have_its_own_names(chip: str, address: int, words: str)
     if chip == "BMI270":
         gyro["config_file"] = "not/there.c"
     plan = plan_wiring(parse_robot(document() | {"gyro": gyro}, parameter_table(), "test.toml"))
-    assert any(words in row.mind for row in connections(plan))
+    assert any(words in row.note for row in connections(plan))
     assert chip in " ".join(Drawing(draw_wiring(plan)).words)
     warned = [warning for warning in plan.warnings if "config_file" in warning]
     assert len(warned) == (1 if chip == "BMI270" else 0)
@@ -280,7 +280,7 @@ def test_the_command_prints_the_table_and_writes_the_drawing(tmp_path: Path, mon
     assert any(line.rstrip().endswith("watch out for") for line in text.splitlines())
     for row in connections(plan_wiring(read_robot("three_wheel"))):
         assert row.start in text
-        assert row.mind in text
+        assert row.note in text
     assert out.read_text(encoding="utf-8") == draw_wiring(plan_wiring(read_robot("three_wheel")))
 
 

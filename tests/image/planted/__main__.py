@@ -17,7 +17,7 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from image_check.apart import Died, call_apart
+from image_check.worker_processes import ProcessFailure, call_in_processes
 from tests.image.planted.bugs import ROOT, Bug, Tree, all_bugs
 from tests.image.planted.page import PAGE, filled_in, finders, summary
 from tests.image.planted.search import Result, Search
@@ -57,9 +57,9 @@ def look_for(
         arguments.depth, kept.with_suffix(".clean.json"), clean, quick=arguments.quick, workers=arguments.workers
     )
     calls = [(image, bug, first[bug.name]) for image, bug in zip(images, todo, strict=True)]
-    for number, result in call_apart(search.of, calls, arguments.workers):
+    for number, result in call_in_processes(search.of, calls, arguments.workers):
         name = todo[number].name
-        if isinstance(result, Died):
+        if isinstance(result, ProcessFailure):
             raise SystemExit(f"{name}: the search failed: {result.why}")
         if result is not None:
             results[name] = result

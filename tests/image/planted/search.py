@@ -7,8 +7,8 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from image_check.apart import Died, call_apart
 from image_check.run import NOT_RUN, Outcome, all_checks, run_checks, run_one
+from image_check.worker_processes import ProcessFailure, call_in_processes
 from tests.image.planted.bugs import ROBOT, Bug
 
 LEAST_LIMIT_S, LIMIT_FACTOR = 30, 10
@@ -83,5 +83,5 @@ class Search:
     def _run(self, image: Path, name: str) -> Outcome | None:
         """Return what a check shows; None if it was cut off or could not run: it has found nothing."""
         limit_s = max(LEAST_LIMIT_S, round(LIMIT_FACTOR * self.costs_s[name]))
-        ((_, outcome),) = call_apart(run_one, [(image, ROBOT, self.depth, SEED, name)], 1, limit_s)
-        return None if isinstance(outcome, Died) or outcome.failure.startswith(NOT_RUN) else outcome
+        ((_, outcome),) = call_in_processes(run_one, [(image, ROBOT, self.depth, SEED, name)], 1, limit_s)
+        return None if isinstance(outcome, ProcessFailure) or outcome.failure.startswith(NOT_RUN) else outcome

@@ -5,8 +5,8 @@ import { id, in_words, put, show_lines } from "./words.js";
 
 const SVG = "http://www.w3.org/2000/svg";
 const ANSWERS = {
-  confirm: [["Yes, go on", true], ["No", false]],
-  saw: [["Yes", true], ["No", false], ["I did not look", null]],
+  confirm: [["Yes, continue", true], ["No", false]],
+  saw: [["Yes", true], ["No", false], ["I do not know", null]],
 };
 
 export class BringUp {
@@ -79,13 +79,13 @@ export class BringUp {
     this.#told = told;
     const passed = walk.results.filter(({ ok }) => ok).length;
     const done = walk.results.length ? `${passed} of ${walk.results.length} passed. ${walk.folder}` : "";
-    put("bring-up-state", walk.running ? "under way" : [walk.trouble, done].filter(Boolean).join(" "));
+    put("bring-up-state", walk.running ? "running" : [walk.trouble, done].filter(Boolean).join(" "));
     show_lines(id("bring-up-lines"), walk.lines);
     for (const group of id("bring-up-drawing").querySelectorAll("g")) {
       group.classList.toggle("meant", Number(group.dataset.wheel) === walk.wheel);
     }
     id("bring-up-drawing").setAttribute("aria-label",
-      walk.wheel ? `This robot from above; wheel ${walk.wheel} is meant` : "This robot from above");
+      walk.wheel ? `This robot from above; wheel ${walk.wheel} is highlighted` : "This robot from above");
     this.#question(walk.question);
     id("bring-up-results").replaceChildren(...walk.results.map((result) => this.#result(result)));
   }
@@ -104,7 +104,7 @@ export class BringUp {
 
   #result({ check, ok, findings }) {
     const table = document.createElement("table");
-    table.createCaption().textContent = `${check}: ${ok ? "pass" : "not yet"}`;
+    table.createCaption().textContent = `${check}: ${ok ? "pass" : "fail"}`;
     for (const finding of findings) {
       const row = table.insertRow();
       const seen = [finding.seen, finding.advice].filter(Boolean).join(" → ");

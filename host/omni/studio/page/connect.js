@@ -63,7 +63,7 @@ export class Chooser {
       button.onclick = () => this.#try("connect", { url, system: this.#system() });
       return button;
     }));
-    if (choices.ports.length === 0) id("ports").textContent = "No serial port is there.";
+    if (choices.ports.length === 0) id("ports").textContent = "No serial port found.";
   }
 
   /** Show what the chosen processor needs: a file, or something that is not installed. */

@@ -60,8 +60,8 @@ export class DrawnPath {
 }
 
 function plan_in_words({ length_m, duration_s, way_s, slowed }) {
-  const way = way_s > 0 ? `, and ${way_s.toFixed(1)} s to its beginning` : "";
-  const time = (duration_s === null ? "without end" : `${duration_s.toFixed(1)} s`) + way;
-  const slower = slowed > 1.01 ? `, ${slowed.toFixed(1)} times slower than asked for: the limits of the robot` : "";
+  const way = way_s > 0 ? `, and ${way_s.toFixed(1)} s to its start` : "";
+  const time = (duration_s === null ? "endless" : `${duration_s.toFixed(1)} s`) + way;
+  const slower = slowed > 1.01 ? `, ${slowed.toFixed(1)} times slower than requested, by the robot's limits` : "";
   return `${length_m.toFixed(2)} m, ${time}${slower}`;
 }

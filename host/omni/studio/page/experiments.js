@@ -50,7 +50,7 @@ export class Experiments {
     } else {
       Object.assign(field, { type: "number", min: min ?? "", max: max ?? "", step: "any", required: usual !== null });
       field.value = usual ?? "";
-      if (usual === null) field.placeholder = "chosen for you";
+      if (usual === null) field.placeholder = "default";
       this.#fields.set(key, () => (field.value === "" ? null : Number(field.value)));
     }
     return made;

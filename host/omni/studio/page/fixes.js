@@ -8,7 +8,7 @@ const KINDS = {
   ignored: { path: ring, size_px: 3, colour: "--quiet", stays_ms: 3000 },
 };
 const REFUSED = { path: cross, size_px: 5, colour: "--stop", stays_ms: 15000 };
-const WHY = { "too far": "it contradicted the estimate", unusable: "it came too late, too early or out of order" };
+const WHY = { "too far": "it failed the outlier gate", unusable: "it came too late, too early or out of order" };
 
 const kind_of = ({ result }) => KINDS[result] ?? REFUSED;
 

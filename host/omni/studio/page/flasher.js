@@ -27,8 +27,8 @@ export class Flasher {
       new Option("a .hex file", A_FILE));
     if (what) id("flash-what").value = what;
     id("flash-port").replaceChildren(
-      new Option("the one that is plugged in", ""), ...ports.map(({ url }) => new Option(url, url)),
-      new Option("without a serial port: I press its button", "blank"));
+      new Option("the connected one", ""), ...ports.map(({ url }) => new Option(url, url)),
+      new Option("without a serial port: press its button", "blank"));
     id("flash-port").value = port;
     this.#choose();
   }

@@ -41,7 +41,7 @@ export class Gamepad {
     const [x, y, turn] = [-pad.axes[LEFT_Y], -pad.axes[LEFT_X], -pad.axes[RIGHT_X]].map(beyond_dead_zone);
     const resting = x === 0 && y === 0 && turn === 0;
     if (resting) this.#mustRest = false;
-    if (this.#mustRest && !resting) this.#rest("let go of the sticks first");
+    if (this.#mustRest && !resting) this.#rest("release the sticks first");
     else if (pressed || document.hidden || resting) this.#rest(pad.id);
     else this.#drive([x, y, turn]);
   }

@@ -35,14 +35,14 @@ const ask = (action, content) => {
 
 const socket = new Socket({
   open: () => {
-    say(unfinished ? "The studio's server is there again. What was asked for last may not have been done." : "");
+    say(unfinished ? "The connection to the studio's server is restored. The last request may not have been executed." : "");
     unfinished = 0;
     runs.refresh();
   },
   lost: (requests) => {
     unfinished += requests;
     show_state(null);
-    say("The studio's server is gone or does not answer. This page waits for it. If it has ended, start omni studio.");
+    say("The studio's server does not respond. This page reconnects when it is running: start omni studio if it has ended.");
   },
   samples: (found) => plots.samples(found),
   news,
@@ -162,7 +162,7 @@ function show_state(now) {
 
 /** A line for each sensor that the robot has; what it does not have is hidden. */
 function show_sensors(sensors) {
-  for (const [name, place] of [["gyro", "gyro"], ["floor sensor", "floor"]]) {
+  for (const [name, place] of [["gyro", "gyro"], ["floor odometry", "floor"]]) {
     const one = sensors.find((sensor) => sensor.name === name);
     put(`${place}-text`, one ? `${name}: ${one.text}` : "");
     put(`${place}-advice`, one?.advice ?? "");
@@ -177,17 +177,17 @@ function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking,
   return [
     radio ? "radio, at its own rates" : "",
     lost === null ? "no frames" : `${(100 * lost).toFixed(1)} % lost`,
-    round_trip_ms === null ? (asking ? "no answer" : "") : `${round_trip_ms.toFixed(0)} ms`,
+    round_trip_ms === null ? (asking ? "no reply" : "") : `${round_trip_ms.toFixed(0)} ms`,
     `${kilo(bytes_per_s)}${budget_B_s ? ` of ${kilo(budget_B_s)}` : ""} kB/s`,
     pace !== null && Math.abs(pace - 1) > OFF_PACE ? `runs at ${pace.toFixed(2)} × real time` : "",
   ].filter(Boolean).join(", ");
 }
 
 function fixes_in_words(counts, why, radio) {
-  const missing = "Pose fixes are not shown: this slow link does not bring them. Samples asks for them.";
+  const missing = "Pose fixes are not shown: this slow link does not carry them by default. Choose a rate under Samples.";
   if (!counts) return radio ? missing : "";
   const reason = why ? `, the last because ${why}` : "";
-  return `Pose fixes: ${counts.used} used, ${counts.refused} refused${reason}.`;
+  return `Pose fixes: ${counts.used} used, ${counts.refused} rejected${reason}.`;
 }
 
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
@@ -205,7 +205,7 @@ function release_controls() {
 function stop() {
   release_controls();
   ask("stop").then((result) => {
-    if (result && !result.told) say("No robot is connected: nothing could be stopped from here.");
+    if (result && !result.told) say("No robot is connected: no stop was sent.");
   });
 }
 
@@ -236,7 +236,7 @@ id("release").onclick = () => ask("release");
 id("take-over").onclick = () => ask("take_over");
 for (const name of ["undo", "redo"]) id(name).onclick = () => ask(name);
 id("store").onclick = async () => {
-  if (await ask("store") !== undefined) say("Stored: the robot keeps this when it is switched off.");
+  if (await ask("store") !== undefined) say("Stored in the robot's flash.");
 };
 id("save").href = `parameters.toml?token=${encodeURIComponent(socket.token)}`;
 id("load").onchange = async (event) => {
@@ -256,7 +256,7 @@ plots.on_pause = (paused) => {
 };
 plots.on_mark = (words) => put("mark-text", words);
 plots.on_measure = (seconds, lines) => {
-  put("mark-text", `${seconds.toPrecision(4)} s chosen; double-click goes on`);
+  put("mark-text", `${seconds.toPrecision(4)} s selected; double-click to resume`);
   show_lines(id("measured"), lines);
 };
 id("add-plot").onclick = () => plots.add();

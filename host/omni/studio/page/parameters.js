@@ -156,7 +156,7 @@ export class ParameterList {
   #show(entry) {
     const { info, field, slider, tags, value, start } = entry;
     if (value === undefined) return;
-    if (document.activeElement !== field || field.tagName === "SELECT") field.value = value; // nobody types there
+    if (document.activeElement !== field || field.tagName === "SELECT") field.value = value; // not being edited
     if (slider && !slider.matches(":active")) slider.value = to_slider(info, value, start);
     tags.replaceChildren();
     const tag = (words, kind, title) => {

@@ -107,7 +107,7 @@ export class Plots {
     const known = (keys) => keys.filter((key) => !unknown.includes(key));
     this.#panels = plots.filter(({ keys, xy }) => !xy || known(keys).length === 2)
       .map(({ keys, xy }) => this.#panel(known(keys), xy));
-    if (unknown.length) this.say(`There is no signal ${unknown.join(", ")}: removed from the plots.`);
+    if (unknown.length) this.say(`Unknown signal ${unknown.join(", ")}: removed from the plots.`);
     this.#span = span_s;
     this.#store();
     this.#rebuild();
@@ -357,7 +357,7 @@ export class Plots {
       title,
       ...chosen,
       ...(panel.xy ? [] : [button("Spectrum", `Spectrum of ${this.options.what}`, () => this.#spectrum(panel))]),
-      button("PNG", `Picture of ${this.options.what}`, () => panel.plot?.root.querySelector("canvas").toBlob(
+      button("PNG", `Image of ${this.options.what}`, () => panel.plot?.root.querySelector("canvas").toBlob(
         (blob) => save(blob, `${this.options.file}-plot.png`))),
       button("✕", `Remove ${this.options.what}`, () => {
         panel.plot?.destroy();

@@ -31,7 +31,7 @@ export class Runs {
     this.plots.on_pause = (paused) => { id("run-whole").disabled = !paused; };
     this.plots.on_mark = (words) => { put("run-mark-text", words); };
     this.plots.on_measure = (seconds, lines) => {
-      const chosen = `${seconds.toPrecision(4)} s chosen; double-click shows the whole run`;
+      const chosen = `${seconds.toPrecision(4)} s selected; double-click to show the whole run`;
       put("run-mark-text", [chosen, ...lines].join(". "));
     };
     let timer = 0;
@@ -68,9 +68,9 @@ export class Runs {
     await this.#try(async () => {
       const found = await this.socket.ask("runs", { find: id("run-search").value });
       this.largest = found.largest_upload;
-      const more = found.more ? `, and ${found.more} older ones: search for them` : "";
+      const more = found.more ? `, and ${found.more} older ones: use the search` : "";
       put("run-hint", `${found.runs.length} in ${found.folder}${more}. `
-        + `A log of up to ${Math.round(found.largest_upload / 2 ** 20)} MB can be opened from elsewhere.`);
+        + `A log of up to ${Math.round(found.largest_upload / 2 ** 20)} MB from outside this folder can be opened.`);
       const rows = found.runs.map((run) => this.#row(run));
       const heads = ["Name", "When", "Robot", "What", "Figures", "Show"];
       id("run-list").replaceChildren(...(rows.length ? [table(heads, rows)] : []));
@@ -102,7 +102,7 @@ export class Runs {
     if (!about) return;
     this.#show([...before, { log, title, run, about }]);
     if (about.lost_bytes || about.bad_frames) {
-      const what = `${about.lost_bytes} bytes and ${about.bad_frames} messages of it cannot be read`;
+      const what = `${about.lost_bytes} bytes and ${about.bad_frames} messages are unreadable`;
       this.say(`${title} is damaged: ${what}. The rest is shown.`);
     }
     await this.#compare();
@@ -153,7 +153,7 @@ export class Runs {
     if (!found || logs !== this.#open) return; // other ones are shown by now
     const rows = (lines) => lines.map((line) => line.map(cell));
     const parameters = found.parameters.length ? [table(["Parameter", "A", "B"], rows(found.parameters))]
-      : ["No parameter that both know differs."];
+      : ["No common parameter differs."];
     id("run-compared").replaceChildren(table(["Figure", "A", "B"], rows(found.numbers)), ...parameters);
   }
 
@@ -224,9 +224,9 @@ export class Runs {
     try {
       answer = await fetch(`${where}?token=${encodeURIComponent(this.socket.token)}`, { method: "POST", body });
     } catch {
-      throw { error: "the studio's server does not answer", hint: "" };
+      throw { error: "the studio's server does not respond", hint: "" };
     }
-    if (!answer.ok) throw await answer.json().catch(() => ({ error: `the server refuses this (${answer.status})` }));
+    if (!answer.ok) throw await answer.json().catch(() => ({ error: `request rejected by the server (HTTP ${answer.status})` }));
     return answer;
   }
 

@@ -42,7 +42,7 @@ function group(name, members, wanted) {
     box.value = signal.key;
     box.onchange = () => {
       const full = box.checked && wanted.size >= MOST;
-      put("signal-text", full ? `A plot shows ${MOST} signals at most: take one away first.` : "");
+      put("signal-text", full ? `A plot shows ${MOST} signals at most: remove one first.` : "");
       if (full) box.checked = false;
       else if (box.checked) wanted.add(signal.key);
       else wanted.delete(signal.key);

@@ -63,7 +63,7 @@ export class Simulator {
     for (const [key, { button }] of this.#buttons) button.setAttribute("aria-pressed", String(on.has(key)));
     const broken = [...on].map((key) => this.#buttons.get(key)?.words ?? key);
     id("mend").disabled = on.size === 0;
-    const text = now.refusal || (broken.length ? `Broken now: ${broken.join("; ")}` : "Nothing is broken.");
+    const text = now.refusal || (broken.length ? `Active faults: ${broken.join("; ")}` : "No active faults.");
     put("world-text", text);
     if (document.activeElement !== id("world-speed")) id("world-speed").value = String(now.speed);
   }

@@ -6,7 +6,7 @@ const HERE_MS = 250; // the server takes a page for lost that is silent for 2 s
 const MOST_UNANSWERED = 20; // the page takes a server for lost that leaves so many without an answer: 5 s
 export const [MORE, WHOLE, PART] = [1, 2, 3]; // what came since, all that is kept, what lies between two times
 
-const GONE = { error: "the studio's server is gone", hint: "Start omni studio again" };
+const GONE = { error: "the studio's server does not respond", hint: "Start omni studio again" };
 
 export class Socket {
   #socket = null; // once it is open

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-// A velocity that somebody holds: sent again and again, and zero once it is let go.
+// A held velocity: repeated until its release, which sends zero.
 
 import { in_words } from "./words.js";
 

@@ -40,7 +40,7 @@ def widest(layout: WheelModel) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
     return np.array([limits.get(kind, np.inf) for kind in layout.kinds])
 
 
-def not_shown(name: str, kind: str, half_width: float, runs: Sequence[Run]) -> Refusal:
+def not_excited(name: str, kind: str, half_width: float, runs: Sequence[Run]) -> Refusal:
     """Return the refusal of a parameter with its interval, in SI units."""
     motions = {
         "radius": "drive straight for two metres or more in two directions: ahead and sideways",
@@ -56,7 +56,7 @@ def without_heading(runs: Sequence[Run]) -> list[Refusal]:
     """Return the refusal of the tracked heading where no truth has one: any value of it gives the same positions."""
     if any(run.has_heading for run in runs):
         return []
-    return [Refusal("tracked_heading_rad", "the truth has no heading", "measure the heading too, with two markers")]
+    return [Refusal("tracked_heading_rad", "the truth has no heading", "also measure the heading, with two markers")]
 
 
 def one_way_wheels(runs: Sequence[Run]) -> list[Refusal]:

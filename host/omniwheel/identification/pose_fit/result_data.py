@@ -23,7 +23,10 @@ MEASURES: dict[str, tuple[Callable[[Score], float], float, str]] = {
 KINDS: dict[str, tuple[Callable[[HeldOut], Score], str]] = {
     "nominal": (lambda run: run.nominal, "documented geometry"),
     "held_out": (lambda run: run.identified, "identified without the run's group"),
-    "held_out_own_clock": (lambda run: run.identified_own_clock, "the same, the run's clock error removed"),
+    "held_out_own_clock": (
+        lambda run: run.identified_own_clock,
+        "identified without the run's group, the run's clock error removed",
+    ),
 }
 _JSON = {"largest_m": "largest_m", "rms_m": "rms_m", "final_m": "final_m", "heading_rad": "heading_rad"}
 
@@ -76,8 +79,8 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
 def split_text(study: GeometryStudy) -> str:
     """Return how the runs were split before any fit."""
     if not study.held_out:
-        return "nothing was left out, so nothing says how well this predicts another run: " + (
-            "; ".join(study.unscored.values()) or "there is one group of runs only"
+        return "no cross-validation, so the prediction error for other runs is unknown: " + (
+            "; ".join(study.unscored.values()) or "there is only one group of runs"
         )
     sizes = [sum(run.group == group for run in study.runs) for group in study.models]
     text = f"each of {len(sizes)} groups left out in turn, {min(sizes)} to {max(sizes)} runs each"
@@ -92,7 +95,7 @@ def clock_text(study: GeometryStudy) -> str:
     """Return offset, rate and warp of the runs' clocks in one line."""
     known = [clock for clock in study.clocks if clock.measured]
     if not known:
-        return "clocks: the poses are too few to show an offset or a rate; 0 is assumed"
+        return "clocks: too few poses to estimate an offset or a rate; 0 is assumed"
     offset, rate, warp = (
         np.array([getattr(clock, name) for clock in known]) for name in ("offset_s", "rate", "warp_s")
     )

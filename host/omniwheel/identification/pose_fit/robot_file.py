@@ -22,7 +22,7 @@ def write_geometry(study: GeometryStudy, nominal: str, target: Path) -> Path:
     Raises LogError, RobotFileError, OutputFileError; there is no robot file then.
     """
     if target.suffix != ".toml":
-        raise LogError(f"{target} cannot be a robot file's name", hint="give a name that ends in .toml")
+        raise LogError(f"{target} is not a valid robot file name", hint="give a name that ends in .toml")
     text = find_robot_file(nominal).read_text(encoding="utf-8-sig")
     if re.search(r"^\[parameters\]", text, re.MULTILINE) is None:
         text += "\n[parameters]\n"

@@ -131,7 +131,7 @@ def fit_quadratics(
             break
     if not np.all(values[: layout.wheels] > 0.0):
         raise LogError(
-            "the poses do not follow the wheels: a radius comes out negative",
+            "the poses do not follow the wheels: a radius is negative",
             hint="check the wheels' order, bearings and signs, and that each truth belongs to its log",
         )
     covariance = np.zeros((len(values),) * 2)

@@ -16,7 +16,7 @@ import numpy as np
 from omniwheel.errors import LogError
 from omniwheel.identification.estimate import Estimate
 from omniwheel.identification.pose_fit.clock import Clock, measure_clock
-from omniwheel.identification.pose_fit.excitation import Refusal, not_shown, one_way_wheels, widest, without_heading
+from omniwheel.identification.pose_fit.excitation import Refusal, not_excited, one_way_wheels, widest, without_heading
 from omniwheel.identification.pose_fit.scores import Score, score
 from omniwheel.identification.pose_fit.solve import Fit, Quadratics, estimate, fit_quadratics, fit_windows
 from omniwheel.identification.pose_fit.wheel_model import MODELS, Array, Model, WheelModel
@@ -179,10 +179,12 @@ def _plain(runs: Sequence[Run], windows: Sequence[Window], layout: WheelModel) -
             return fit, quadratics, refused
         worst = max(wide, key=lambda name: found.half_width(name) / limits[layout.names.index(name)])
         kind = layout.kinds[layout.names.index(worst)]
-        refused.append(not_shown(worst, kind, found.half_width(worst), runs))
+        refused.append(not_excited(worst, kind, found.half_width(worst), runs))
         if not any(name.endswith("radius_m") for name in found.names if name != worst):
             shown = next(refusal for refusal in refused if refusal.name.endswith("radius_m"))
-            raise LogError(f"these runs show no wheel radius: {shown.name} has a {shown.why}", hint=shown.motion)
+            raise LogError(
+                f"no wheel radius can be identified from these runs: {shown.name} has a {shown.why}", hint=shown.motion
+            )
 
 
 def choose_model(

@@ -74,7 +74,7 @@ class Collector:
             raise CameraError(what, hint="take all pictures with the camera's size of the camera file")
         view, reason = self._view(name, picture)
         if view is not None and any(_similar(view, other, size[0]) for other in self.collected.views):
-            view, reason = None, "the board is where it was in another picture"
+            view, reason = None, "the board has not moved since another picture"
         if view is None:
             self.collected.left_out[name] = reason
             return reason
@@ -85,7 +85,7 @@ class Collector:
         corners, ids, _, _ = self._detector.detectBoard(picture)
         count = 0 if ids is None else len(ids)
         if count < LEAST_CORNERS:
-            return None, f"{count} corners of the board are seen; {LEAST_CORNERS} are needed"
+            return None, f"{count} corners of the board are visible; at least {LEAST_CORNERS} are needed"
         numbers = np.asarray(ids).ravel()
         points = np.asarray(self._board.getChessboardCorners())[numbers]  # type: ignore[attr-defined]
         return BoardView(name, numbers, np.asarray(corners, float).reshape(-1, 2), points), ""
@@ -150,14 +150,16 @@ def _need_whole_picture(views: list[BoardView], size: tuple[int, int]) -> None:
         "lower": seen[:, 1].max() < 1.0 - 1.0 / _GRID,
     }
     empty = [name for name, missing in sides.items() if missing]
-    where = f"it was never near the {' or '.join(empty)} side" if empty else "it was never near some corners"
-    raise CameraError(f"the board does not reach the whole picture: {where}", hint=_HOW)
+    where = (
+        f"it was never near the {' or '.join(empty)} side" if empty else "it was never near some corners of the image"
+    )
+    raise CameraError(f"the board's pictures do not cover the whole image: {where}", hint=_HOW)
 
 
 def _judge(rms: float, matrix: Array, sd: Array, names: list[str], each: Array) -> None:
     if rms > LARGEST_RMS_PX:
         worst = names[int(np.argmax(each))]
-        hint = f"is the board flat, the camera in focus, the picture not blurred? Worst: {worst}, {each.max():.1f} px"
+        hint = f"check that the board is flat and the pictures are sharp. Worst: {worst}, {each.max():.1f} px"
         raise CameraError(f"the pictures do not fit one lens: {rms:.2f} px; at most {LARGEST_RMS_PX:g} px", hint=hint)
     if max(sd[0] / matrix[0, 0], sd[1] / matrix[1, 1]) > LARGEST_FOCAL_SD:
         share = 100.0 * max(sd[0] / matrix[0, 0], sd[1] / matrix[1, 1])

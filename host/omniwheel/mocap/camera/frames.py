@@ -55,7 +55,7 @@ def read_picture(path: Path) -> Array:
     """Return a picture file as grey levels. Raises MocapSourceError."""
     picture = load_cv2().imread(str(path), load_cv2().IMREAD_GRAYSCALE)
     if picture is None:
-        raise MocapSourceError(f"{path} is no picture that OpenCV reads", hint=f"endings: {', '.join(ENDINGS)}")
+        raise MocapSourceError(f"{path} is not a picture that OpenCV can read", hint=f"endings: {', '.join(ENDINGS)}")
     return np.asarray(picture)
 
 
@@ -154,12 +154,12 @@ class LiveFrames:
         return said_s if now_s - _DRIVER_LATE_S < said_s <= now_s else now_s
 
     def read(self, timeout_s: float) -> Frame | None:
-        """Return the newest picture that nobody had yet."""
+        """Return the newest picture not returned before."""
         with self._there:
             self._there.wait_for(lambda: self._newest is not None or self._lost, max(0.0, timeout_s))
             frame, self._newest = self._newest, None
             if frame is None and self._lost:
-                raise MocapLostError(f"the camera {self._name} gives no more pictures", hint="is it still plugged in?")
+                raise MocapLostError(f"the camera {self._name} delivers no more pictures", hint="check its cable")
             return frame
 
     def close(self) -> None:

@@ -22,5 +22,5 @@ def load_cv2() -> Any:
         raise MocapLibraryError(f"OpenCV is not usable here: {error}", hint=_HINT) from error
     if not hasattr(getattr(cv2, "aruco", None), "CharucoDetector"):
         version = getattr(cv2, "__version__", "unknown")
-        raise MocapLibraryError(f"OpenCV {version} has no detector of tags; 4.8 or newer is needed", hint=_HINT)
+        raise MocapLibraryError(f"OpenCV {version} has no tag detector; 4.8 or newer is needed", hint=_HINT)
     return cv2

@@ -47,7 +47,7 @@ def find_place(lens: Lens, floor: Sequence[PlacedTag], corners: Mapping[int, Arr
     seen = [tag for tag in floor if tag.id in corners]
     if not seen:
         wanted = ", ".join(str(tag.id) for tag in floor)
-        raise CameraError(f"none of the floor tags {wanted} is seen", hint="omni mocap look says what is seen")
+        raise CameraError(f"none of the floor tags {wanted} is visible", hint="omni mocap look shows the visible tags")
     points = np.concatenate([corners_of(tag) for tag in seen])
     pixels = np.concatenate([corners[tag.id] for tag in seen])
     rotation, shift = _solved(lens, points, pixels)
@@ -74,11 +74,11 @@ def _solved(lens: Lens, points: Array, pixels: Array) -> tuple[Array, Array]:
             away = pixels - lens.project(points, *better)[0]
             found.append((float(np.sqrt(np.mean(away**2))), better[0].ravel(), better[1].ravel()))
     if not found:
-        hint = "does each tag lie face up, and is its heading right in the camera file?"
+        hint = "check that each tag lies face up and has the right heading in the camera file"
         raise CameraError("the floor tags are seen as from below the floor", hint=hint)
     found.sort(key=lambda each: each[0])
     if len(found) == 2 and _different(found) and found[1][0] < _AMBIGUOUS * max(found[0][0], 0.5 * CORNER_SD_PX):
-        hint = "lay out more floor tags, as far from each other as the camera sees"
+        hint = "lay out more floor tags, as far apart as the image allows"
         raise CameraError("the floor tags fit two places of the camera equally well", hint=hint)
     return found[0][1], found[0][2]
 
@@ -109,10 +109,10 @@ def _judge(found: Placement) -> None:
     worst = max(found.offsets_m, key=lambda number: found.offsets_m[number])
     if found.offsets_m[worst] > TOLERANCE_M:
         each = ", ".join(f"{number}: {1e3 * off:.0f} mm" for number, off in sorted(found.offsets_m.items()))
-        hint = f"measure again, sizes and headings too. Distances from the camera file: {each}"
-        raise CameraError(f"floor tag {worst} does not lie where the camera file says", hint=hint)
+        hint = f"measure places, sizes and headings again. Distances from the camera file: {each}"
+        raise CameraError(f"floor tag {worst} is not at its place in the camera file", hint=hint)
     if not found.sd_m <= _LARGEST_SD_M:
-        hint = "lay out more floor tags, as far from each other as the camera sees, or larger ones"
+        hint = "lay out more floor tags, as far apart as the image allows, or larger ones"
         raise CameraError(f"the camera's place is uncertain: {1e3 * found.sd_m:.0f} mm one metre away", hint=hint)
 
 

@@ -17,7 +17,7 @@ from omni_schema.toml_file import number_within, read_toml, refuse_unknown_keys,
 from omniwheel.errors import MocapSourceError
 from omniwheel.limits import TAG_FAMILIES
 
-_HINT = "omni mocap markers writes one to begin with"
+_HINT = "omni mocap markers writes a template"
 _CAMERA = ("device", "width", "height", "rate_Hz", "latency_s", "exposure", "lens", "place")
 _FLOOR = ("id", "size_m", "x_m", "y_m", "heading_deg")
 _ROBOT = (*_FLOOR, "height_m")
@@ -78,7 +78,7 @@ def _checked(path: Path, document: dict[str, Any]) -> CameraSetup:
     numbers = [tag.id for tag in (*floor, *robot)]
     twice = sorted({number for number in numbers if numbers.count(number) > 1})
     if twice:
-        raise SchemaError(source, "id", f"{twice[0]} is given to two tags; each needs a number of its own")
+        raise SchemaError(source, "id", f"{twice[0]} is used by two tags; each needs a unique number")
 
     def number(key: str, default: float | None, low: float, high: float) -> float:
         return number_within(source, f"camera.{key}", camera.get(key, default), low, high)
@@ -104,7 +104,7 @@ def _device(source: str, path: Path, value: object) -> int | str:
         return value
     if isinstance(value, str) and value:
         return value if "://" in value else str(path.parent / value)
-    raise SchemaError(source, "camera.device", f"is {value!r}; a camera's number or a path is needed here")
+    raise SchemaError(source, "camera.device", f"is {value!r}; must be a camera's number or a path")
 
 
 def _family(source: str, document: dict[str, Any]) -> str:
@@ -112,7 +112,7 @@ def _family(source: str, document: dict[str, Any]) -> str:
     refuse_unknown_keys(source, "tags.", table, ("family",))
     family = take_text(source, "tags.family", table.get("family", next(iter(TAG_FAMILIES))))
     if family not in TAG_FAMILIES:
-        raise SchemaError(source, "tags.family", f"is {family!r}; allowed are {', '.join(TAG_FAMILIES)}")
+        raise SchemaError(source, "tags.family", f"is {family!r}; must be one of {', '.join(TAG_FAMILIES)}")
     return family
 
 

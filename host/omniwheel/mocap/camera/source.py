@@ -18,8 +18,8 @@ from omniwheel.mocap.camera.geometry import Located
 from omniwheel.mocap.camera.watch import Look, Watcher, open_watcher
 from omniwheel.mocap.source import MocapPose
 
-_FROZEN = "the same picture again: the camera hangs"
-_NOT_LATER = "its time is not after that of the last picture"
+_FROZEN = "repeated picture: the camera hangs"
+_NOT_LATER = "its time stamp is not after the last picture's"
 UNSEEN_XY_M, UNSEEN_THETA_RAD, UNSEEN_TIME_S = 0.002, 0.003, 0.005
 """What no picture says of itself: errors of lens, print and mounting, blur, and how far its time is off."""
 _LONGEST_GAP_S = 0.5

@@ -65,7 +65,7 @@ class Watcher:
         tags = self._corners(picture, seen)
         others = tuple(sorted(number for number in seen if number not in self._floor | self._robot))
         if twice & self._robot.keys():
-            return Look(None, f"tag {min(twice & self._robot.keys())} is there twice", tags, others)
+            return Look(None, f"tag {min(twice & self._robot.keys())} is visible twice", tags, others)
         found, reason = self._robot_of(tags, seen)
         return Look(found, reason, tags, others)
 
@@ -76,19 +76,19 @@ class Watcher:
 
     def _robot_of(self, tags: dict[int, Array], seen: dict[int, SeenTag]) -> tuple[Located | None, str]:
         if self.eye is None:
-            return None, "the camera's place is not known"
+            return None, "the camera's place is unknown"
         moved = self._moved(self.eye, tags)
         if moved:
-            return None, f"floor tag {moved[0]} is not where it was: camera or tag moved"
+            return None, f"floor tag {moved[0]} has moved, or the camera has"
         if not tags.keys() & self._robot.keys():
             blurred = seen.keys() & self._robot.keys()
-            return None, f"the edges of tag {min(blurred)} are not clear" if blurred else "no tag of the robot"
+            return None, f"the edges of tag {min(blurred)} are blurred" if blurred else "no tag of the robot"
         found = locate(self.eye, self.setup.robot, tags)
         if found is None:
-            return None, "the robot's tag is not on its plane"
+            return None, "the robot's tag is not at its height"
         sides = [SeenTag(number, tags[number]).side_px for number in tags if number in self._robot]
         if found.rms_px > max(MISFIT_PX, MISFIT_SHARE * float(np.mean(sides))):
-            return None, f"the robot's tag does not fit its size and height: {found.rms_px:.1f} px off"
+            return None, f"the robot's tag does not fit its size and height: {found.rms_px:.1f} px residual"
         return found, ""
 
     def _moved(self, eye: Eye, tags: dict[int, Array]) -> list[int]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Lines for a person from a program that must not wait for one."""
+"""Log lines to standard error from a program that must not block on it."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from contextlib import suppress
 
 STDERR = 2
 MOST_LINES = 1000
-"""That wait; what is said beyond them is lost."""
+"""Capacity of the queue; further lines are dropped."""
 LAST_S = 0.5
-"""How long the end of a program waits for its last lines."""
+"""Time limit for writing the last lines at the end of a program."""
 
 
-class Diary:
+class LogWriter:
     """Writes lines to standard error in a thread of its own.
 
-    A terminal that was paused with Ctrl-S, a pager that nobody scrolls or a full disk then holds up no stop.
+    So a terminal paused with Ctrl-S, a waiting pager or a full disk delays no stop.
     """
 
     def __init__(self) -> None:
         self._lines: queue.Queue[str] = queue.Queue(MOST_LINES)
         threading.Thread(target=self._run, daemon=True).start()
 
-    def say(self, line: str) -> None:
-        """Write a line soon."""
+    def write(self, line: str) -> None:
+        """Queue a line."""
         with suppress(queue.Full):
             self._lines.put_nowait(line)
 
     def close(self) -> None:
-        """Give what was said last a moment to be written."""
+        """Wait up to LAST_S for the last lines."""
         end_s = time.monotonic() + LAST_S
         while self._lines.unfinished_tasks and time.monotonic() < end_s:
             time.sleep(0.01)
@@ -40,7 +40,7 @@ class Diary:
     def _run(self) -> None:
         while True:
             data = f"{self._lines.get()}\n".encode(errors="replace")
-            with suppress(OSError):  # nobody reads it any more, or there is no room
+            with suppress(OSError):  # closed by its reader, or the disk is full
                 while data:
                     data = data[os.write(STDERR, data) :]
             self._lines.task_done()

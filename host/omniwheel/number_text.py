@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Plain data for JSON, and numbers for people."""
+"""Parsing and formatting of numbers, and finite data for JSON."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from typing import Any
 _TYPED = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?|[-+]?inf(inity)?", re.ASCII | re.IGNORECASE)
 
 
-def typed_number(text: str) -> float:
-    """Read a number that somebody typed. Raises ValueError.
+def parse_number(text: str) -> float:
+    """Parse a typed number. Raises ValueError.
 
     Python's own ``float`` also takes 2_8 as 28, digits of other scripts, and nan.
     """
-    if not is_typed_number(text):
+    if not is_number_text(text):
         raise ValueError(f"{text!r} is not a number")
     return float(text)
 
 
-def is_typed_number(text: str) -> bool:
-    """Say whether this is a number as people write it."""
+def is_number_text(text: str) -> bool:
+    """Return whether this is a number in usual notation."""
     return _TYPED.fullmatch(text.strip()) is not None
 
 
 def finite(value: Any) -> Any:
-    """Return the same data with None for every number that JSON has no form for (NaN, infinity)."""
+    """Return a copy of the data with None for NaN and infinity, which JSON lacks."""
     if isinstance(value, dict):
         return {key: finite(entry) for key, entry in value.items()}
     if isinstance(value, (list, tuple)):

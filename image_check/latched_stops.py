@@ -98,7 +98,7 @@ def _must_be(robot: Robot, state: str, when: str) -> None:
         raise CheckError(f"the robot is in state {found} {when}, not {state}")
 
 
-def _must_say(robot: Robot, words: str, when: str) -> None:
+def _require_text(robot: Robot, words: str, when: str) -> None:
     texts = [text.text for text in robot.texts.all]
     if words not in texts:
         raise CheckError(f"{when} the robot does not say '{words}', but {texts}")
@@ -121,11 +121,11 @@ def stop_button(context: Context) -> list[str]:
         robot = driving(bench)
         figure = _time_to_off(bench)
         robot.pump(STORED_S)
-        _must_say(robot, OPENED, "pressed,")
+        _require_text(robot, OPENED, "pressed,")
         _must_refuse_release(robot)
         robot = _restart(bench, "power", _power)
         _must_be(robot, "estop", "after a power cut with the button open")
-        _must_say(robot, OPENED, "started with the button open,")
+        _require_text(robot, OPENED, "started with the button open,")
         _press(bench, False)
         bench.advance(SHOWN_S)
         robot = _restart(bench, "watchdog", RESTARTS["watchdog"])
@@ -198,7 +198,7 @@ def stop_outlives(context: Context) -> list[str]:
         for name in names:
             robot = _restart(bench, name, RESTARTS[name])
             _must_be(robot, "estop", f"after an emergency stop and a restart ({name})")
-            _must_say(robot, SINCE_BEFORE, f"after a restart ({name})")
+            _require_text(robot, SINCE_BEFORE, f"after a restart ({name})")
             _must_not_arm(robot, f"after a restart ({name})")
         robot.estop_clear()
         robot.pump(RELEASE_STORED_S)
@@ -238,7 +238,7 @@ def _dip(bench: Bench) -> str:
 
 
 def never_arms(context: Context) -> list[str]:
-    """Restart a driving robot in each way, its set-points and heartbeats going on: it comes up disarmed."""
+    """Restart a driving robot in each way, its setpoints and heartbeats going on: it comes up disarmed."""
     ways = {**RESTARTS, "a supply that flickers": _flicker}
     with context.bench(options=_options(context)) as bench:
         boot(bench)

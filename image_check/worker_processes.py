@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Calls in processes of their own: one that dies, or never ends, takes no other's result with it."""
+"""Calls in separate processes: a crash or an endless loop of one does not affect the others."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Died:
-    """A process that gave no result; ``why`` is a sentence."""
+class ProcessFailure:
+    """A process that ended without a result; ``why`` is a sentence."""
 
     why: str
 
@@ -25,13 +25,13 @@ class _Call:
     process: Any
 
 
-def call_apart(
+def call_in_processes(
     function: Callable[..., Any], calls: Sequence[tuple[Any, ...]], workers: int, limit_s: int | None = None
 ) -> Iterator[tuple[int, Any]]:
     """Call ``function`` with each of these arguments, ``workers`` at a time, begun in this order.
 
-    Yields the number of a call and its result, or :class:`Died`, as they end. A call that takes more than ``limit_s``
-    of a processor's time is ended: on a busy computer it may last longer. ``function`` must not raise.
+    Yields the number of a call and its result, or :class:`ProcessFailure`, as they end. A call is ended after
+    ``limit_s`` of processor time, which may last longer on a busy computer. ``function`` must not raise.
     """
     waiting = list(enumerate(calls))[::-1]
     running: dict[Connection, _Call] = {}
@@ -72,13 +72,13 @@ def _send(sender: Connection, function: Callable[..., Any], arguments: tuple[Any
 
 
 def _result(receiver: Connection, call: _Call) -> Any:
-    """Take what a process has to say, and wait for its end."""
+    """Return a process's result, and wait for its end."""
     result: Any = None
     with contextlib.suppress(EOFError):
         result = receiver.recv()
     call.process.join()
     receiver.close()
-    return Died(_cause(call.process.exitcode)) if result is None else result
+    return ProcessFailure(_cause(call.process.exitcode)) if result is None else result
 
 
 def _cause(code: int) -> str:
@@ -89,6 +89,6 @@ def _cause(code: int) -> str:
     except ValueError:
         name = str(-code)
     if name == "SIGXCPU":
-        return "it did not end in the processor time that it has"
+        return "it exceeded its limit of processor time"
     hint = "; perhaps there was not enough memory" if name == "SIGKILL" else ""
     return f"its process was ended by signal {name}{hint}"
