@@ -21,7 +21,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from omniwheel import aio, errors, sync
+    import omniwheel.aio as aio
+    from omniwheel import errors, sync
     from omniwheel.background import connect, simulate
     from omniwheel.driven import Driven
     from omniwheel.errors import DriveError, LimitError, LinkError, NotArrivedError, OmniError, StoppedError

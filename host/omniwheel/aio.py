@@ -22,7 +22,8 @@ from contextlib import AbstractContextManager, asynccontextmanager, suppress
 from functools import partial, wraps
 from typing import Any
 
-from omniwheel import background
+from omniwheel.background import connect as _connect
+from omniwheel.background import simulate as _simulate
 from omniwheel.errors import OmniError
 from omniwheel.parameters import Parameters
 from omniwheel.robot import Robot as ThreadedRobot
@@ -130,13 +131,13 @@ async def _entered(make: Callable[[], AbstractContextManager[ThreadedRobot]]) ->
         await asyncio.to_thread(context.__exit__, None, None, None)
 
 
-@wraps(background.connect)
+@wraps(_connect)
 def connect(*arguments: Any, **named: Any) -> Any:
     """Connect to a robot, as :func:`omniwheel.connect`: ``async with aio.connect(...) as robot``."""
-    return _entered(partial(background.connect, *arguments, **named))
+    return _entered(partial(_connect, *arguments, **named))
 
 
-@wraps(background.simulate)
+@wraps(_simulate)
 def simulate(*arguments: Any, **named: Any) -> Any:
     """Simulate a robot, as :func:`omniwheel.simulate`: ``async with aio.simulate(...) as robot``."""
-    return _entered(partial(background.simulate, *arguments, **named))
+    return _entered(partial(_simulate, *arguments, **named))

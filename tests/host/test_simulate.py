@@ -112,7 +112,12 @@ def test_without_an_address_the_only_teensy_is_opened(monkeypatch: pytest.Monkey
         link = simulated.connection.link
         monkeypatch.setattr("omniwheel.ports.serial_ports", lambda: [Port("/dev/ttyACM7", "", "teensy")])
         opened: list[str] = []
-        monkeypatch.setattr("omniwheel.robot.open_shared", lambda url, **_: opened.append(url) or link)
+
+        def open_shared(url: str, **_: object) -> object:
+            opened.append(url)
+            return link
+
+        monkeypatch.setattr("omniwheel.robot.open_shared", open_shared)
         robot = sync.connect(clock=simulated.connection.clock, record=False)
         assert opened == ["/dev/ttyACM7"]
         assert robot.connection.target_system == simulated.connection.target_system
