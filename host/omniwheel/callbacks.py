@@ -44,5 +44,5 @@ class Callbacks:
         while (action := self._calls.get()) is not None:
             try:
                 action()
-            except Exception as error:
+            except Exception as error:  # the program's own: it hears of it where it pumps
                 self._connection.raise_in_pump(error)

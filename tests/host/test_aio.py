@@ -17,6 +17,7 @@ from tests.waiting import LONGEST_S, pass_time
 PATIENT = {"SAFE_CMD_TO": 10.0, "SAFE_LINK_TO": LONGEST_S}
 
 
+@pytest.mark.full
 def test_it_drives_while_the_loop_goes_on() -> None:
     async def main() -> None:
         async with aio.simulate() as robot:
@@ -36,6 +37,7 @@ def test_it_drives_while_the_loop_goes_on() -> None:
     asyncio.run(main())
 
 
+@pytest.mark.full
 def test_a_motion_that_is_cancelled_brings_the_robot_to_rest() -> None:
     async def main() -> None:
         async with aio.simulate() as robot:
@@ -64,6 +66,7 @@ def test_errors_are_those_of_the_library() -> None:
         asyncio.run(main())
 
 
+@pytest.mark.full
 def test_every_method_is_there_and_awaited() -> None:
     def is_waiting(name: str, method: Any) -> bool:
         return not name.startswith("_") and inspect.isfunction(method) and name != "on"

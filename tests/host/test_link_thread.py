@@ -157,6 +157,7 @@ def test_leaving_disarms_what_was_armed(fake: PatientRobot) -> None:
     assert [first for command, first in fake.commands() if command == arm] == [1.0, 0.0]
 
 
+@pytest.mark.full
 def test_a_program_may_sleep_between_its_drives(driven: SimulatedRobot) -> None:
     driven.drive_to(0.2, 0.0)
     pass_time(PATIENCE_S + 1.0)
@@ -172,6 +173,7 @@ def test_a_program_may_sleep_between_its_drives(driven: SimulatedRobot) -> None:
 STOPS: dict[str, Callable[[Robot], object]] = {"stop": lambda robot: robot.stop(), "hold": lambda robot: robot.hold()}
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("stop", STOPS)
 def test_another_thread_ends_a_drive(driven: SimulatedRobot, stop: str) -> None:
     with ThreadPoolExecutor(1) as threads:

@@ -58,6 +58,7 @@ def test_a_square_ends_where_it_began_and_the_robot_holds(robot: SimulatedRobot,
     assert robot.status.mode == "hold"
 
 
+@pytest.mark.full
 def test_the_speed_is_the_one_that_was_asked_for(robot: SimulatedRobot) -> None:
     side = robot.drive_to(1.0, 0.0, speed=0.25)
     steps = np.diff(side.references[:, 0]) / np.diff(side.time_s)
@@ -65,6 +66,7 @@ def test_the_speed_is_the_one_that_was_asked_for(robot: SimulatedRobot) -> None:
     assert side.duration_s > 4.0
 
 
+@pytest.mark.full
 def test_a_goal_in_the_body_frame_is_ahead_of_the_robot(robot: SimulatedRobot) -> None:
     robot.turn_to(math.pi / 2)
     robot.drive_to(0.3, 0.1, math.pi / 2, frame="body")
@@ -73,12 +75,14 @@ def test_a_goal_in_the_body_frame_is_ahead_of_the_robot(robot: SimulatedRobot) -
     assert is_near(robot, -0.1, 0.3, math.pi / 2)
 
 
+@pytest.mark.full
 def test_a_drive_lasts_as_long_as_it_should_and_ends_at_rest(robot: SimulatedRobot) -> None:
     drive = robot.drive(0.2, 0.1, 0.0, duration_s=1.0)
     assert drive.poses[-1] == pytest.approx([0.2, 0.1, 0.0], abs=0.02)
     assert rests(robot)
 
 
+@pytest.mark.full
 def test_a_velocity_goes_on_until_the_next_motion(robot: SimulatedRobot) -> None:
     robot.velocity(0.2, 0.0, 0.0)
     robot.sleep(2.0)
@@ -90,6 +94,7 @@ def test_a_velocity_goes_on_until_the_next_motion(robot: SimulatedRobot) -> None
     assert rests(robot)
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("last", ["hold", "stop"])
 def test_hold_and_stop_end_a_motion(robot: SimulatedRobot, last: str) -> None:
     robot.velocity(0.1, 0.0, 0.0)
@@ -114,6 +119,7 @@ FORMS: dict[str, Callable[[Path], object]] = {
 }
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("form", FORMS)
 def test_a_path_in_any_form_is_followed_to_its_end(robot: SimulatedRobot, form: str, tmp_path: Path) -> None:
     drive = robot.follow(FORMS[form](tmp_path), speed=0.3, heading=0.0)
@@ -122,6 +128,7 @@ def test_a_path_in_any_form_is_followed_to_its_end(robot: SimulatedRobot, form: 
     assert rests(robot)
 
 
+@pytest.mark.full
 def test_progress_is_told_while_it_drives(robot: SimulatedRobot) -> None:
     seen: list[float] = []
     robot.drive_to(0.3, 0.0, progress=lambda tracking: seen.append(tracking.pose.x))
@@ -129,6 +136,7 @@ def test_progress_is_told_while_it_drives(robot: SimulatedRobot) -> None:
     assert seen[-1] == pytest.approx(0.3, abs=NEAR_M)
 
 
+@pytest.mark.full
 def test_what_cannot_be_is_refused_with_limit_and_numbers(robot: SimulatedRobot) -> None:
     with pytest.raises(LimitError) as caught:
         robot.drive(9.0, 0.0, 0.0, duration_s=1.0)
@@ -156,6 +164,7 @@ def test_what_cannot_be_is_refused_with_limit_and_numbers(robot: SimulatedRobot)
     assert rests(robot)
 
 
+@pytest.mark.full
 def test_a_robot_that_is_not_armed_does_not_drive() -> None:
     with sync.simulate() as robot:
         with pytest.raises(DriveError):
@@ -166,6 +175,7 @@ def test_a_robot_that_is_not_armed_does_not_drive() -> None:
         assert not robot.armed
 
 
+@pytest.mark.full
 def test_one_that_is_late_says_where_it_is_and_holds(robot: SimulatedRobot) -> None:
     with pytest.raises(NotArrivedError) as caught:
         robot.drive_to(2.0, 0.0, timeout_s=robot.travel_time_s(Pose(2.0, 0.0, 0.0)) - 2.9)
@@ -174,6 +184,7 @@ def test_one_that_is_late_says_where_it_is_and_holds(robot: SimulatedRobot) -> N
     assert rests(robot)
 
 
+@pytest.mark.full
 def test_equal_programs_give_equal_bytes() -> None:
     def records(seed: int) -> bytes:
         with omniwheel.simulate(seed=seed, speed="max") as robot:

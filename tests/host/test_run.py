@@ -52,6 +52,7 @@ def test_what_is_saved_is_read_back(run: Run, ending: str, tmp_path: Path) -> No
         np.testing.assert_array_equal(before[name], after[name])
 
 
+@pytest.mark.full
 def test_a_picture_is_drawn_into_a_file(run: Run, tmp_path: Path) -> None:
     run.save(tmp_path / "drive.png")
     run.plot(tmp_path / "drive.svg", title="a curve")
@@ -79,6 +80,7 @@ def test_pandas_gives_the_same_table_or_is_asked_for(run: Run, monkeypatch: pyte
         run.to_pandas()
 
 
+@pytest.mark.full
 def test_the_folder_of_a_simulated_run_is_a_run(tmp_path: Path) -> None:
     scenario = load_scenario("demo").with_duration(1.0)
     folder = tmp_path / "demo"

@@ -23,12 +23,14 @@ from tests.hil_sim.tiny_world import TinyWorld
 HEAVY = ("numpy", "pymavlink", "serial", "matplotlib", "hil_sim", "asyncio", "omniwheel._core")
 
 
+@pytest.mark.full
 def test_a_robot_is_a_name_a_file_or_a_description(robot_file: Path) -> None:
     for robot, wheels in (("four_wheel", 4), (robot_file, 3), (replace(read_robot("four_wheel"), name="mine"), 4)):
         with sync.simulate(robot, record=False) as simulated:
             assert simulated.parameters["WHEELS"] == wheels
 
 
+@pytest.mark.full
 def test_a_scenario_is_a_name_or_an_object() -> None:
     for scenario in ("no_fixes", load_scenario("no_fixes")):
         with sync.simulate(scenario=scenario, record=False) as robot:
@@ -36,6 +38,7 @@ def test_a_scenario_is_a_name_or_an_object() -> None:
             assert robot.simulation.time_s > 0.4
 
 
+@pytest.mark.full
 def test_another_world_takes_the_place_of_ours() -> None:
     scenario = load_scenario("ideal", "fast_three_wheel").with_world({"fix_rate_Hz": 0.0})
     with sync.simulate(world=TinyWorld(scenario), scenario=scenario, record=False) as robot:
@@ -53,6 +56,7 @@ def test_what_cannot_be_simulated_is_refused_before_anything_starts() -> None:
         pass
 
 
+@pytest.mark.full
 def test_faults_are_switched_on_and_mended() -> None:
     with sync.simulate(record=False) as robot:
         with pytest.raises(OmniError):
@@ -65,6 +69,7 @@ def test_faults_are_switched_on_and_mended() -> None:
         assert robot.battery_V > 11.0
 
 
+@pytest.mark.full
 def test_in_real_time_other_programs_may_connect_and_leaving_ends_all() -> None:
     before = set(threading.enumerate())
     with omniwheel.simulate(record=False) as robot:
@@ -78,6 +83,7 @@ def test_in_real_time_other_programs_may_connect_and_leaving_ends_all() -> None:
     assert set(threading.enumerate()) == before
 
 
+@pytest.mark.full
 def test_firmware_that_ends_is_the_error_of_the_block() -> None:
     def end_it() -> None:
         with sync.simulate(record=False) as robot:
