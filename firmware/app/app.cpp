@@ -303,7 +303,7 @@ bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
         return false;
     }
     if (!setpoints_.refused()) {
-        heartbeats_.streamed(sender);
+        heartbeats_.take_command_by_setpoint(sender);
     }
     return true;
 }
@@ -402,9 +402,9 @@ void App::report_stop_latch(size_t link) {
 void App::store_stop() {
     const uint8_t state = robot_.state();
     const bool coming = control_.stopping(OMNI_EVENT_ESTOP);
-    const bool stopped = state == OMNI_STATE_ESTOP || (robot_.reboot() && coming);
+    const bool stopped = state == OMNI_STATE_ESTOP || (robot_.reboot_requested() && coming);
     const bool resting = state == OMNI_STATE_DISARMED && !coming && !robot_.armed();
-    stop_latch_.serve(stopped, resting, robot_.reboot(), clock_.now_us);
+    stop_latch_.serve(stopped, resting, robot_.reboot_requested(), clock_.now_us);
     if (stop_latch_.failed() && !latch_failure_reported_) {
         texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: a restart may lift the stop"));
     }

@@ -44,7 +44,7 @@ public:
     /// Serve the links; call as often as possible.
     void background();
     /// A reboot was requested, and its acknowledgement has been sent.
-    bool reboot_wanted() const { return robot_.reboot(); }
+    bool reboot_wanted() const { return robot_.reboot_requested(); }
     /// Hardware-in-the-loop with sensor messages received: the next ones follow the answer to this tick.
     bool uses_host_sensors() const { return robot_.hil() && hil_.has_sensors(); }
     /// The host sleeps while it waits for that answer, so polling for its next message is useless.

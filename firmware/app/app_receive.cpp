@@ -92,7 +92,7 @@ OMNI_COLD void App::apply_legacy_setpoint(const LegacySetpoint &setpoint, const 
     }
     setpoints_.on_legacy_line(setpoint);
     if (!setpoints_.refused()) {
-        heartbeats_.streamed(sender);
+        heartbeats_.take_command_by_setpoint(sender);
     }
 }
 

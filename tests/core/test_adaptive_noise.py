@@ -74,7 +74,7 @@ class Adaptive:
 @pytest.mark.parametrize("delay", [(0, 1), (13, 60)])
 def test_late_fixes_are_exact_while_the_levels_change(wheels: int, mode: int, delay: tuple[int, int]) -> None:
     """Fixes with three times the noise that is believed: both levels move."""
-    ekf = Ekf(wheels, mode, adapt=RATE)
+    ekf = Ekf(wheels, mode, adapt_rate=RATE)
     exact = Adaptive(wheels, ekf.states)
     rng = np.random.default_rng(3)
     truth = np.concatenate([np.zeros(3), rng.normal(0, 0.04, ekf.states - 3)])
@@ -127,7 +127,7 @@ def walk(ekf: Ekf, scale: float, seconds: float, seed: int, fix_sd: float = 0.00
 @pytest.mark.parametrize("scale", [1 / 16, 1.0, 16.0])
 def test_it_finds_how_noisy_the_motion_is(scale: float) -> None:
     """The factor's logarithm is within what the rate leaves open (sqrt(rate / 2) times 3); the error is no larger."""
-    errors, factors = walk(Ekf(adapt=RATE), scale, 60.0, 1)
+    errors, factors = walk(Ekf(adapt_rate=RATE), scale, 60.0, 1)
     late = slice(1000, None)
     assert np.log(factors[late, 0]).mean() == pytest.approx(np.log(scale), abs=3.0 * np.sqrt(RATE / 2.0))
     fixed, still = walk(Ekf(), scale, 60.0, 1)
@@ -138,7 +138,7 @@ def test_it_finds_how_noisy_the_motion_is(scale: float) -> None:
 
 def test_fixes_worse_than_believed_make_it_less_sure() -> None:
     """With three times the deviation that is believed the mean square over the variance comes to one."""
-    ekf = Ekf(adapt=RATE)
+    ekf = Ekf(adapt_rate=RATE)
     errors, factors = walk(ekf, 1.0, 60.0, 2, fix_sd=0.015)
     assert factors[1500:, 1].mean() == pytest.approx(9.0, rel=0.25)
     sure = np.mean(errors[1500:, 0] ** 2) / ekf.p[0, 0]
@@ -156,7 +156,7 @@ def levels(ekf: Ekf) -> tuple[float, ...]:
 
 
 def test_without_information_they_stand_still() -> None:
-    ekf = Ekf(3, SLIP, adapt=RATE, gate=25.0)
+    ekf = Ekf(3, SLIP, adapt_rate=RATE, gate=25.0)
     walk(ekf, 16.0, 2.0, 3)
     before = levels(ekf)
     assert before[0] != 1.0
@@ -176,7 +176,7 @@ def test_without_information_they_stand_still() -> None:
 
 def test_a_restart_begins_as_configured() -> None:
     fresh = (1.0, 1.0, 0.0, 0.0, 0.0)
-    ekf = Ekf(adapt=RATE, gate=25.0, gate_restart=3)
+    ekf = Ekf(adapt_rate=RATE, gate=25.0, gate_restart=3)
     walk(ekf, 16.0, 1.0, 4)
     assert levels(ekf) != fresh
     for _ in range(3):
@@ -184,7 +184,7 @@ def test_a_restart_begins_as_configured() -> None:
         ekf.correct((5.0, 5.0, 0.0))
     assert ekf.s.restarts == 1
     assert levels(ekf) == fresh
-    ekf = Ekf(adapt=RATE)
+    ekf = Ekf(adapt_rate=RATE)
     walk(ekf, 16.0, 1.0, 4)
     assert levels(ekf) != fresh
     lib.omni_pose_ekf_set_pose(ekf.s, ekf.config, ffi.new("omni_pose_t *"), 5)
@@ -192,7 +192,7 @@ def test_a_restart_begins_as_configured() -> None:
 
 
 def test_switched_off_under_way_it_is_the_filter_that_never_had_it() -> None:
-    ekf = Ekf(adapt=RATE)
+    ekf = Ekf(adapt_rate=RATE)
     walk(ekf, 16.0, 1.0, 4)
     assert levels(ekf)[0] != 1.0
     ekf.config.adapt_rate = 0.0
@@ -205,7 +205,7 @@ def test_switched_off_under_way_it_is_the_filter_that_never_had_it() -> None:
 def test_they_stay_within_their_bounds_whatever_comes(far: float) -> None:
     """No gate, fixes that are anywhere: levels, covariance and pose stay finite, and good fixes bring it back."""
     rng = np.random.default_rng(6)
-    ekf = Ekf(3, SLIP, adapt=1.0)
+    ekf = Ekf(3, SLIP, adapt_rate=1.0)
     for _ in range(300):
         ekf.predict([0.01, 0.02, -0.01], 20)
         ekf.correct(rng.normal(0.0, far, 3) * [1.0, 1.0, 1e-3])

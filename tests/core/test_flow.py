@@ -148,7 +148,7 @@ class Reference:
         return np.array([c * way[0] + s * way[1], c * way[1] - s * way[0], b[2] - a[2]])
 
     def measure(self, moved: Array, rows: int) -> float:
-        h = self.derivative(self.predicted)[:rows]
+        h = self.derivative(self.moved)[:rows]
         s = h @ self.p @ h.T + np.diag([SD_M**2, SD_M**2, SD_RAD**2][:rows])
         y = (moved - self.moved(self.x))[:rows]
         self.update(h, s, y)
@@ -445,7 +445,7 @@ def test_late_ticks_a_pause_and_another_mount_begin_anew() -> None:
 def test_with_a_gyro_the_turn_is_the_gyro_s() -> None:
     """Its bias and scale learn nothing from the floor, but everything stays positive."""
     core = Core()
-    core.config.gyro, core.config.q_gyro, core.config.p_bias, core.config.p_scale = True, 2.5e-12, 1e-8, 2.5e-5
+    core.config.has_gyro, core.config.q_gyro, core.config.p_bias, core.config.p_scale = True, 2.5e-12, 1e-8, 2.5e-5
     lib.omni_pose_ekf_start_gyro(core.s, core.config)
     turn = ffi.new("omni_ekf_gyro_rate_t *", {"rate_rad_s": 0.5, "overrides_wheels": True, "at_rest": False})
     wheels = core.matrix @ np.array([0.4, 0.0, 0.5]) / RADIUS_M * TICK_S / 0.95

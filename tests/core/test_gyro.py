@@ -35,7 +35,7 @@ class Filter:
         assert lib.omni_kinematics_init(self.k, geometry) == lib.OMNI_OK
         values = {"mode": mode, "q_xy": Q_XY, "q_theta": Q_THETA, "q_slip": Q_SLIP, "p_slip": P_SLIP, "r_xy": 25e-6}
         values |= {"r_theta": 25e-6, "gate_restart": 25, "step_s": TICK_S, "has_gyro": True, "p_bias": P_BIAS}
-        values |= {"q_turn": DENSITY**2 * TICK_S, "p_scale": P_SCALE}
+        values |= {"q_gyro": DENSITY**2 * TICK_S, "p_scale": P_SCALE}
         self.config = ffi.new("omni_pose_ekf_config_t *", values)
         self.gyro_config = ffi.new("omni_gyro_config_t *", {"axis": axis, "scale": 1.0, "range_rad_s": 8.0})
         self.s = ffi.new("omni_pose_ekf_state_t *")
@@ -69,9 +69,9 @@ class Filter:
         values = {"time_us": self.time_us + 1000, "reading": readings, "valid": valid, "interval_valid": True}
         values |= {
             "duration_s": TICK_S,
-            "wheels_rad_s": body_rad_s,
-            "still": body_rad_s == 0.0,
-            "driven": driven,
+            "wheel_yaw_rate_rad_s": body_rad_s,
+            "wheels_still": body_rad_s == 0.0,
+            "motors_driven": driven,
             "wheels_x_m_s": speed_m_s,
         }
         told = ffi.new("omni_gyro_tick_t *", values)

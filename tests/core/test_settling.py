@@ -111,12 +111,12 @@ def test_a_gyro_that_is_switched_within_a_slot_leaves_nothing_of_it_out(phase: i
     left, settled = GyroFilter(), GyroFilter()
     for turned, rate in rates(left, 400 + phase):
         for core in (left, settled):
-            core.config.gyro = first
+            core.config.has_gyro = first
             move(core, turned, rate, gyro=first)
     settle(settled)
     for turned, rate in rates(left, 9):
         for core in (left, settled):
-            core.config.gyro = not first
+            core.config.has_gyro = not first
             move(core, turned, rate, gyro=not first)
     compare(left.p, settled.p, relative=1e-5)
     assert left.s.slot_ticks == 1, "the slot ended where the states changed"

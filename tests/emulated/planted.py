@@ -89,8 +89,8 @@ BUGS = (
     Bug(
         "the highest bit as the sign of a long, which has 32 bits there",
         "firmware/app/tick/control_loop.cpp",
-        "if ((flags & news_setpoint) != 0 && setpoints_.update() &&",
-        "if (static_cast<long>(flags & news_setpoint) > 0 && setpoints_.update() &&",
+        "if ((flags & pending_setpoint) != 0 && setpoints_.update() &&",
+        "if (static_cast<long>(flags & pending_setpoint) > 0 && setpoints_.update() &&",
         "tests/firmware/test_commands.py::test_body_velocity_drives_the_wheels_in_our_frame",
     ),
     Bug(

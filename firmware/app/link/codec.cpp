@@ -208,7 +208,7 @@ uint8_t *FrameParser::space(size_t *room) {
     if (begin_ > 0) {
         std::memmove(buffer_, buffer_ + begin_, end_ - begin_);
         end_ -= begin_;
-        looked_ -= std::min(looked_, begin_);
+        stops_scanned_ -= std::min(stops_scanned_, begin_);
         begin_ = 0;
     }
     *room = sizeof buffer_ - end_;
@@ -242,17 +242,17 @@ FrameParser::Match FrameParser::match(size_t at, Frame *frame, size_t *length) c
 
 /// Find a stop within the incomplete frame at begin_ that has been completed since the last call.
 bool FrameParser::find_stop(Frame *frame) {
-    const size_t first = looked_ > longest_stop ? looked_ - longest_stop : 0;
+    const size_t first = stops_scanned_ > longest_stop ? stops_scanned_ - longest_stop : 0;
     for (size_t at = std::max(begin_ + 1, first); at < end_; ++at) {
         size_t length = 0;
-        if (is_magic(buffer_[at]) && match(at, frame, &length) == Match::frame && at + length > looked_ &&
+        if (is_magic(buffer_[at]) && match(at, frame, &length) == Match::frame && at + length > stops_scanned_ &&
             is_stop(*frame)) {
-            looked_ = at + length;
+            stops_scanned_ = at + length;
             frame->early = true;
             return true;
         }
     }
-    looked_ = end_;
+    stops_scanned_ = end_;
     return false;
 }
 

@@ -53,7 +53,7 @@ public:
     /// Discard the start of an incomplete frame after a silence.
     void give_up_frame();
     /// Clear the buffer (new connection).
-    void reset() { begin_ = end_ = looked_ = 0; }
+    void reset() { begin_ = end_ = stops_scanned_ = 0; }
     /// @param text receiver of the bytes between frames; nullptr: none.
     void set_text(TextSink *text) { text_ = text; }
     /// Discarded bytes and checksum errors since boot.
@@ -68,7 +68,7 @@ private:
     uint8_t buffer_[2 * max_frame] = {};
     size_t begin_ = 0;
     size_t end_ = 0;
-    size_t looked_ = 0; ///< stops within an incomplete frame up to this position have been returned
+    size_t stops_scanned_ = 0; ///< stops within an incomplete frame up to this position have been returned
     uint32_t errors_ = 0;
     TextSink *text_ = nullptr;
 };

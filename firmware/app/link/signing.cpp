@@ -54,7 +54,7 @@ bool are_equal(const uint8_t *a, const uint8_t *b, size_t length) {
 
 Signing::Signing(Storage &storage)
     : key_store_(storage, at_tail(storage, 0), key_content),
-      time_store_(storage, at_tail(storage, key_slots), time_content) {}
+      time_store_(storage, at_tail(storage, key_slots), signing_time_size) {}
 
 OMNI_COLD void Signing::boot() {
     uint8_t record[key_content] = {};

@@ -34,7 +34,7 @@ void Arming::warn_missing_output_enable() {
 
 uint8_t Arming::arm(const Sender &sender) {
     const uint8_t state = robot_.state();
-    if (robot_.reboot()) {
+    if (robot_.reboot_requested()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));
         return MAV_RESULT_DENIED;
     }

@@ -73,7 +73,7 @@ void Heartbeats::armed_by(const Sender &sender) {
     record(sender);
 }
 
-void Heartbeats::streamed(const Sender &sender) {
+void Heartbeats::take_command_by_setpoint(const Sender &sender) {
     if (robot_.state() == OMNI_STATE_ARMED) {
         stations.record_drive(sender, clock_.now_us);
     }

@@ -28,7 +28,7 @@ public:
     /// @param streamed a setpoint: reported once a second.
     bool may_move(const Sender &sender, bool streamed = false);
     /// Put the sender of an accepted setpoint in command, if its heartbeats are valid.
-    void streamed(const Sender &sender);
+    void take_command_by_setpoint(const Sender &sender);
     /// Is this sender streaming setpoints, accepted or not: is the latest at most this old?
     bool is_streaming(const Sender &sender, uint64_t max_age_us) const {
         return stations.is_streaming(sender, clock_.now_us, max_age_us);

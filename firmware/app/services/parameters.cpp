@@ -241,8 +241,8 @@ OMNI_COLD bool Parameters::restore(const omni_real_t *values) {
 }
 
 void Parameters::report_rejected_params() {
-    const uint32_t kept = RejectedParams::kept;
-    for (uint32_t i = 0; i < rejected_params_.refused && i < kept; ++i) {
+    const uint32_t max_listed = RejectedParams::max_listed;
+    for (uint32_t i = 0; i < rejected_params_.refused && i < max_listed; ++i) {
         const auto &unusable_value = rejected_params_.first[i];
         texts_.say(MAV_SEVERITY_WARNING, Text()
                                              .add("stored ")
@@ -251,9 +251,9 @@ void Parameters::report_rejected_params() {
                                              .add(unusable_value.value)
                                              .add(" left out"));
     }
-    if (rejected_params_.refused > kept) {
+    if (rejected_params_.refused > max_listed) {
         texts_.say(MAV_SEVERITY_WARNING,
-                   Text().add(rejected_params_.refused - kept).add(" more stored values left out"));
+                   Text().add(rejected_params_.refused - max_listed).add(" more stored values left out"));
     }
     if (rejected_params_.unknown > 0) {
         texts_.say(MAV_SEVERITY_WARNING,
@@ -332,8 +332,8 @@ void Parameters::serve() {
             ++next;
         }
     }
-    if (!boot_said_ && links_.cable_connected()) {
-        boot_said_ = true;
+    if (!boot_reported_ && links_.cable_connected()) {
+        boot_reported_ = true;
         report_boot_problems();
     }
 }

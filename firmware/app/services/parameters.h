@@ -79,7 +79,7 @@ private:
     RejectedParams rejected_params_{}; ///< values rejected in the last load
     StoreResult boot_result_ = StoreResult::empty;
     bool boot_damaged_ = false; ///< a stored set cannot be read
-    bool boot_said_ = false;
+    bool boot_reported_ = false;
 };
 
 } // namespace omni

@@ -52,7 +52,7 @@ uint64_t PoseFixes::time_of(uint64_t stamp_us) const {
 }
 
 void PoseFixes::restart() {
-    std::fill(said_us_, said_us_ + Board::max_ports, uint64_t{0});
+    std::fill(last_text_us_, last_text_us_ + Board::max_ports, uint64_t{0});
     last_us_ = 0;
     travelled_ = 0.0f;
     count_ = 0;
@@ -87,7 +87,7 @@ void PoseFixes::serve() {
 }
 
 void PoseFixes::warn(const char *why) {
-    texts_.refuse_rate_limited(said_us_, Text().add("pose fix refused: ").add(why));
+    texts_.refuse_rate_limited(last_text_us_, Text().add("pose fix refused: ").add(why));
 }
 
 /// Integrate the wheels' distance since the last fix: a working sensor must have seen that motion.

@@ -45,7 +45,7 @@ private:
     const RobotState &robot_;
     ControlLoop &control_;
     const Parameters &parameters_;
-    uint64_t said_us_[Board::max_ports] = {}; ///< per link
+    uint64_t last_text_us_[Board::max_ports] = {}; ///< per link
     omni_pose_t last_{};
     uint64_t last_us_ = 0;   ///< 0: no fix yet
     float travelled_ = 0.0f; ///< distance or turn by the wheels since the first arrival of `last_` [m or rad]

@@ -61,8 +61,8 @@ public:
     const char *unusable_value() const { return unusable_value_; }
     void set_unusable_value(const char *name) { unusable_value_ = name; }
     /// A reboot was requested.
-    bool reboot() const { return reboot_; }
-    void request_reboot() { reboot_ = true; }
+    bool reboot_requested() const { return reboot_requested_; }
+    void request_reboot() { reboot_requested_ = true; }
 
 private:
     Texts &texts_;
@@ -74,7 +74,7 @@ private:
     uint8_t streamed_kind_ = 0;
     const char *unusable_value_ = nullptr;
     bool hil_ = false;
-    bool reboot_ = false;
+    bool reboot_requested_ = false;
 };
 
 } // namespace omni

@@ -28,7 +28,7 @@ float axis_share(int16_t value) {
 void Setpoints::restart() {
     refused_ = false;
     kind_ = OMNI_SETPOINT_NONE;
-    std::fill(said_us_, said_us_ + Board::max_ports, uint64_t{0});
+    std::fill(last_text_us_, last_text_us_ + Board::max_ports, uint64_t{0});
 }
 
 void Setpoints::accept(const omni_setpoint_t &setpoint) {
@@ -47,7 +47,7 @@ uint8_t Setpoints::streamed_kind() const {
 
 OMNI_COLD void Setpoints::refuse(const char *why) {
     refused_ = true;
-    texts_.refuse_rate_limited(said_us_, Text().add("setpoint refused: ").add(why));
+    texts_.refuse_rate_limited(last_text_us_, Text().add("setpoint refused: ").add(why));
 }
 
 bool Setpoints::is_setpoint(const Frame &frame) {
@@ -57,7 +57,7 @@ bool Setpoints::is_setpoint(const Frame &frame) {
 
 OMNI_COLD void Setpoints::refuse_ended() {
     if (robot_.armed()) {
-        texts_.refuse_rate_limited(said_us_, Text().add("setpoint refused: its drive has ended"));
+        texts_.refuse_rate_limited(last_text_us_, Text().add("setpoint refused: its drive has ended"));
     }
 }
 

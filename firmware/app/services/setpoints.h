@@ -52,7 +52,7 @@ private:
     bool refused_ = false;
     uint8_t kind_ = OMNI_SETPOINT_NONE; ///< of the latest accepted one
     uint64_t accepted_us_ = 0;
-    uint64_t said_us_[Board::max_ports] = {}; ///< per link
+    uint64_t last_text_us_[Board::max_ports] = {}; ///< per link
 };
 
 } // namespace omni

@@ -62,7 +62,7 @@ void SigningService::store_time_if_due() {
     if (armed || !signing_.required() || wait) {
         return;
     }
-    if (signing_.outdated(disarmed_now || robot_.reboot() ? 0 : store_interval)) {
+    if (signing_.outdated(disarmed_now || robot_.reboot_requested() ? 0 : store_interval)) {
         tried_us_ = signing_.store_time() ? 0 : std::max<uint64_t>(clock_.now_us, 1);
         if (tried_us_ != 0) {
             texts_.say(MAV_SEVERITY_ERROR, Text().add("the memory failed: signing time not stored"));
@@ -72,12 +72,13 @@ void SigningService::store_time_if_due() {
 
 void SigningService::report_refused() {
     const SigningCounts &counts = signing_.counts();
-    const bool quiet = clock_.now_us >= said_us_ && clock_.now_us - said_us_ < text_interval_us && said_us_ != 0;
+    const bool quiet =
+        clock_.now_us >= last_text_us_ && clock_.now_us - last_text_us_ < text_interval_us && last_text_us_ != 0;
     const uint32_t others = counts.total() - counts.ahead;
     if ((others == said_others_ && counts.ahead == said_ahead_) || quiet) {
         return;
     }
-    said_us_ = std::max<uint64_t>(clock_.now_us, 1);
+    last_text_us_ = std::max<uint64_t>(clock_.now_us, 1);
     if (counts.ahead != said_ahead_) {
         texts_.say(MAV_SEVERITY_WARNING, Text().add("radio refused: clock far ahead; set the key again"));
     }

@@ -36,7 +36,7 @@ private:
     bool damage_said_ = false;
     uint32_t said_others_ = 0;
     uint32_t said_ahead_ = 0;
-    uint64_t said_us_ = 0;
+    uint64_t last_text_us_ = 0;
 };
 
 } // namespace omni

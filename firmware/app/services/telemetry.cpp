@@ -168,7 +168,7 @@ size_t Telemetry::next_stream(size_t link) const {
 void Telemetry::serve_link(size_t link) {
     for (size_t i = next_stream(link); i != stream_count; i = next_stream(link)) {
         if (!links_[link].admits(Priority::telemetry, longest_frame(streams[i].id))) {
-            waits_[link] = true;
+            blocked_[link] = true;
             return;
         }
         Due &due = due_[link][i];
@@ -177,12 +177,12 @@ void Telemetry::serve_link(size_t link) {
             due.next_us += due.interval_us;
         } else {
             // No waiting time: the clock was changed.
-            links_[link].count_dropped(waits_[link] ? static_cast<uint32_t>(late_us / due.interval_us) : 0);
+            links_[link].count_dropped(blocked_[link] ? static_cast<uint32_t>(late_us / due.interval_us) : 0);
             due.next_us = clock_.now_us + due.interval_us;
         }
         streams[i].report(sources_, links_[link], Priority::telemetry, false);
     }
-    waits_[link] = false;
+    blocked_[link] = false;
 }
 
 void Telemetry::serve() {

@@ -48,7 +48,7 @@ private:
     const RobotState &robot_;
     uint8_t state_ = OMNI_STATE_INIT;
     Due due_[Board::max_ports][stream_count] = {};
-    bool waits_[Board::max_ports] = {}; ///< a due stream is blocked by lack of room
+    bool blocked_[Board::max_ports] = {}; ///< a due stream is blocked by lack of room
 };
 
 } // namespace omni

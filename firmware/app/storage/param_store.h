@@ -27,11 +27,11 @@ enum class StoreResult : uint8_t {
 
 /// Values of a stored set that were rejected.
 struct RejectedParams {
-    static constexpr size_t kept = 6;
+    static constexpr size_t max_listed = 6;
     struct {
         int32_t index;
         omni_real_t value;
-    } first[kept];        ///< the first values out of range
+    } first[max_listed];  ///< the first values out of range
     uint32_t refused = 0; ///< number of values out of range
     uint32_t unknown = 0; ///< number of unknown parameters
     /// @param index -1: unknown
@@ -40,7 +40,7 @@ struct RejectedParams {
             ++unknown;
             return;
         }
-        if (refused < kept) {
+        if (refused < max_listed) {
             first[refused] = {index, value};
         }
         ++refused;

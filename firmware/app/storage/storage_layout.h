@@ -20,9 +20,9 @@ constexpr size_t record_overhead = 12;
 /// Signing key: 1 byte present, 3 spare, 32 key.
 constexpr size_t key_content = 36;
 /// Signing time: 8 bytes.
-constexpr size_t time_content = 8;
+constexpr size_t signing_time_size = 8;
 constexpr size_t key_slots = 2 * (record_overhead + key_content);
-constexpr size_t time_slots = 2 * (record_overhead + time_content);
+constexpr size_t time_slots = 2 * (record_overhead + signing_time_size);
 /// Emergency stop: a word.
 constexpr size_t latch_content = 4;
 constexpr size_t latch_slots = 2 * (record_overhead + latch_content);

@@ -53,9 +53,9 @@ typedef struct hil_flow_chip_t {
     float settings[HIL_FLOW_REGISTERS]; /**< a Pinpoint's, by register */
     bool counts_backwards[2];           /**< Pinpoint's direction setting */
     uint8_t pointer;
-    uint8_t talk;     /**< bus state: 0 not addressed, 1 register expected, 2 being written, 3 being read */
-    uint8_t taken[4]; /**< bytes of a value being written */
-    uint8_t count;    /**< number of bytes in `taken`, or read from `given` */
+    uint8_t talk;                 /**< bus state: 0 not addressed, 1 register expected, 2 being written, 3 being read */
+    uint8_t taken[4];             /**< bytes of a value being written */
+    uint8_t count;                /**< number of bytes in `taken`, or read from `given` */
     uint8_t given[HIL_FLOW_READ]; /**< data of a read, latched at its start */
     uint32_t ignored_writes;      /**< writes to read-only registers */
     uint32_t calibrations;
