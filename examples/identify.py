@@ -14,5 +14,5 @@ found = identify_motors(data)
 print(f"all wheels as one motor: {found.together.estimate}")
 for wheel, fit in enumerate(found.each, start=1):
     print(f"wheel {wheel}: model and measured speed differ by {fit.rmse_rad_s:.3f} rad/s RMS")
-for band in found.dead_bands:
+for band in found.deadbands:
     print(f"wheel {band.wheel + 1}, direction {band.direction:+d}: turns from {band.moving_V:.2f} V on")

@@ -75,13 +75,13 @@ class Simulation:
         Raises OmniError that says what there is.
         """
         command = {"fault": name, "wheel": wheel, "on": on, "value": value}
-        self._obey(json.dumps({key: item for key, item in command.items() if item is not None}))
+        self._apply(json.dumps({key: item for key, item in command.items() if item is not None}))
 
     def mend(self) -> None:
         """End all faults."""
-        self._obey('{"mend": true}')
+        self._apply('{"mend": true}')
 
-    def _obey(self, line: str) -> None:
+    def _apply(self, line: str) -> None:
         raise NotImplementedError
 
 
@@ -90,8 +90,8 @@ class _Stepped(Simulation):
         super().__init__(link, link.clock_s, world, firmware)
         self._live = live
 
-    def _obey(self, line: str) -> None:
-        self._live.obey(line)
+    def _apply(self, line: str) -> None:
+        self._live.apply_command(line)
 
 
 class _RealTime(Simulation):
@@ -112,20 +112,20 @@ class _RealTime(Simulation):
         try:
             while not self._ending.is_set():
                 self._running.advance(SLICE_TICKS)
-                self._obey_waiting()
+                self._apply_waiting()
         except BaseException as error:
             self.error = error
 
-    def _obey_waiting(self) -> None:
+    def _apply_waiting(self) -> None:
         while not self._lines.empty():
             line, answer = self._lines.get()
             try:
-                self._running.live.obey(line)
+                self._running.live.apply_command(line)
                 answer.put(None)
             except OmniError as error:
                 answer.put(error)
 
-    def _obey(self, line: str) -> None:
+    def _apply(self, line: str) -> None:
         answer: Queue[OmniError | None] = Queue()
         self._lines.put((line, answer))
         try:

@@ -48,7 +48,7 @@ def known(rate: float = RATE, wheels: int = 3, **options: Any) -> Ekf:
 class GyroEkf(Ekf):
     """With a gyro, whose readings are exact: it has neither bias nor noise."""
 
-    leads, rate_rad_s = True, 0.0
+    overrides_wheels, rate_rad_s = True, 0.0
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, gyro=True, **options)
