@@ -155,11 +155,11 @@ def raises(_: Any) -> None:
 
 
 WRONG = {
-    "nan": (lambda s: replace(s, pose=(0.0, math.nan, 0.0)), "pose 0.0, nan, 0.0; every number has to be finite"),
+    "nan": (lambda s: replace(s, pose=(0.0, math.nan, 0.0)), "pose 0.0, nan, 0.0; all numbers must be finite"),
     "no volts": (lambda s: replace(s, supply_V=math.inf), "supply_V inf"),
     "negative volts": (lambda s: replace(s, supply_V=-1.0), "supply_V -1.0"),
     "two counts": (lambda s: replace(s, counts=[1, 2]), "gave 2 counts; the robot has 3 wheels"),
-    "broken counts": (lambda s: replace(s, counts=[1.5, 2, 3]), "they are whole numbers"),
+    "broken counts": (lambda s: replace(s, counts=[1.5, 2, 3]), "must be of type int"),
     "two numbers": (lambda s: replace(s, pose=(0.0, 0.0)), "gave 2 numbers as pose; 3 are needed"),
     "no number": (lambda s: replace(s, pose=("a", 0.0, 0.0)), "failed at 0.400 s: ValueError"),
     "a fix of tomorrow": (lambda s: replace(s, fix=Fix(9.0, 0.0, 0.0, 0.0)), "must be 0 to now, 0.4 s"),
@@ -312,19 +312,19 @@ def folder(tmp_path: Path, circle: Scenario, monkeypatch: pytest.MonkeyPatch) ->
     ("place", "said"),
     [
         ("fine", "write MODULE:CLASS"),
-        ("nowhere:World", "there is no module nowhere"),
+        ("nowhere:World", "unknown module nowhere"),
         ("fine:TinyWord", "did you mean TinyWorld"),
         ("half:Half", "has no method step"),
         ("broken:World", "No module named 'no_such_package_here'"),
         ("typo:World", "SyntaxError"),
         ("picky:Picky", "only on Sundays"),
-        ("nowhere:x", "--world nowhere:x: there is no module"),  # and no emoji in place of :x:
+        ("nowhere:x", "--world nowhere:x: unknown module"),  # and no emoji in place of :x:
         ("quits:Quits", "Quits(scenario) failed: SystemExit: 0"),
         ("mute:Mute", "Mute.notes is None; must be a list of sentences"),
         ("mute:Wordy", "Wordy.notes is 'one'"),
         ("other:Other", "other.py, line 5"),
         ("typo:World", "typo.py, line 1"),
-        ("mujoco:", "a file is missing after the colon"),
+        ("mujoco:", "after the colon is missing"),
     ],
 )
 def test_a_world_that_is_not_there_is_told_before_anything_runs(folder: Path, place: str, said: str) -> None:
@@ -404,7 +404,7 @@ def test_sitl_without_a_world_refuses_what_needs_one() -> None:
     for words in (["--world", PLACE], ["--commands"], ["--world-robot", "four_wheel"], ["--radio", "9600"]):
         refused = CliRunner().invoke(app, ["sitl", "--no-world", "--port", "0", *words])
         assert refused.exit_code == 2
-        assert "--no-world is the firmware alone" in " ".join(refused.output.replace("│", " ").split())
+        assert "--no-world runs the firmware alone" in " ".join(refused.output.replace("│", " ").split())
 
 
 def test_sitl_runs_a_world_of_ones_own_and_tells_its_mistake(circle: Scenario) -> None:

@@ -53,7 +53,7 @@ def test_a_full_disk_leaves_the_memory_that_was_there(tmp_path: Path, monkeypatc
 
 def test_a_file_of_another_size_is_refused(tmp_path: Path) -> None:
     (tmp_path / "memory").write_bytes(b"short")
-    with pytest.raises(FirmwareStartError, match="no parameter memory"):
+    with pytest.raises(FirmwareStartError, match="do not fit the parameter memory"):
         StorageFile(tmp_path / "memory").read()
 
 

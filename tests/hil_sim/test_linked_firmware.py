@@ -102,7 +102,7 @@ def test_a_run_is_kept_if_the_robot_cannot_be_given_back(
     monkeypatch.setattr(Robot, "leave_hil", refuse_second)
     result = CliRunner().invoke(app, ["hil", quick.source, "--link", url, "--out", str(tmp_path / "runs")])
     assert result.exit_code == 1
-    assert "the run is over, but then" in result.output
+    assert "error after the end of the run" in result.output
     assert "position RMSE" in result.output
     stored = json.loads((tmp_path / "runs" / "quick-seed1" / "summary.json").read_text())
     assert stored["ticks"] == 601
@@ -158,4 +158,4 @@ def test_a_robot_that_another_program_takes_out_of_the_loop_ends_the_run(quick: 
 
         with pytest.raises(OutsideLoopError, match="has left host-in-the-loop") as caught:
             run_hil(quick, firmware.urls[0], progress=take_out)
-        assert "another program took it out" in caught.value.hint
+        assert "another program ended it" in caught.value.hint

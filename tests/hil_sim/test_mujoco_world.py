@@ -161,14 +161,14 @@ def test_the_scenario_s_patches_and_each_wheel_s_friction_reach_the_rollers() ->
 
 def test_gears_with_play_are_refused_with_a_sentence(tmp_path: Path) -> None:
     scenario = standing("three_wheel").with_world({"backlash_rad": 0.02})
-    with pytest.raises(ExternalWorldInputError, match=r"backlash_rad is 0.02: the MuJoCo model's gears have no play"):
+    with pytest.raises(ExternalWorldInputError, match=r"backlash_rad is 0.02: the MuJoCo model has no backlash"):
         MujocoWorld(scenario)
     path = tmp_path / "play.toml"
     head = '[scenario]\nname = "play"\nextends = "no_slip"\n[world]\nbacklash_rad = 0.02\n'
     path.write_text(head, encoding="utf-8")
     result = CliRunner().invoke(app, ["hil", str(path), "--world", "mujoco", "--out", str(tmp_path / "run")])
     assert result.exit_code == 2
-    assert "have no play" in " ".join(result.output.split())
+    assert "no backlash" in " ".join(result.output.split())
 
 
 def test_bumps_shake_the_body_and_the_same_seed_is_the_same_floor() -> None:
@@ -234,7 +234,7 @@ def test_a_short_name_takes_a_file_and_a_wrong_file_is_told(tmp_path: Path) -> N
     for text, said in (
         ("[floor]\nslope = 1", "floor.slope"),
         ("[floor]\nslope_deg = 80", "must be a number from 0 to 30"),
-        ("[[patch]]\nx_m = [1, 0]\ny_m = [0, 1]\nfriction = 1", "the first has to be the smaller one"),
+        ("[[patch]]\nx_m = [1, 0]\ny_m = [0, 1]\nfriction = 1", "the first must be smaller"),
         ("[floor]\nseed = 1.5", "a whole number"),
     ):
         (tmp_path / "wrong.toml").write_text(text)

@@ -107,7 +107,7 @@ def test_the_number_of_a_fault_is_refused_by_its_range(name: str) -> None:
 
 
 def test_a_fault_without_a_number_takes_none() -> None:
-    with pytest.raises(SchemaError, match=r"fault\[1\]\.value: does not apply for pose_loss"):
+    with pytest.raises(SchemaError, match=r"fault\[1\]\.value: does not apply to pose_loss"):
         parse_scenario({"scenario": HEAD, "fault": [{"kind": "pose_loss", "start_s": 1, "value": 1.0}]}, "mine.toml")
 
 

@@ -44,7 +44,7 @@ def test_a_robot_or_a_check_that_is_none_comes_with_those_there_are(
     assert "power-cuts" in refused(image, "--only", "powercuts", code=2)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "mine.toml").write_text("")
-    assert "a file is named with its ending: mine.toml" in refused(image, "--robot", "mine", code=2)
+    assert "give a file with its suffix: mine.toml" in refused(image, "--robot", "mine", code=2)
 
 
 def test_each_check_of_the_list_begins_a_line_with_its_whole_name() -> None:

@@ -335,7 +335,7 @@ def test_a_new_robot_file_is_a_copy_under_another_name(tmp_path: Path) -> None:
     assert run_json("robots", "show", str(file))["wheels"] == 4
     assert run_json("robots", "new", "other", "--out", str(tmp_path))["warnings"] == []
     assert "exists already" in run("robots", "new", "mine", "--out", str(tmp_path), code=2).stderr
-    assert "cannot be a robot's name" in run("robots", "new", "My Robot", code=2).stderr
+    assert "is not a valid robot name" in run("robots", "new", "My Robot", code=2).stderr
 
 
 @pytest.mark.parametrize(

@@ -134,10 +134,10 @@ def test_platformios_own_loader_comes_first(bench: Bench, tmp_path: Path) -> Non
         ([], 0, [], "no Teensy is connected"),
         ([teensy("/dev/a"), teensy("/dev/b")], 0, [], "--port, one of /dev/a, /dev/b"),
         ([teensy("/dev/a"), teensy("/dev/b")], None, ["--port", "/dev/a"], "cannot tell them apart"),
-        ([teensy("/dev/a")], 1, ["--port", "/dev/a"], "would be taken instead"),
+        ([teensy("/dev/a")], 1, ["--port", "/dev/a"], "would be flashed instead"),
         ([teensy("/dev/a")], 2, ["--port", "/dev/a"], "2 Teensys wait in their bootloaders"),
         ([], 2, ["--blank"], "2 Teensys wait in their bootloaders"),
-        ([teensy("/dev/a")], 0, ["--port", "/dev/c"], "there is no port /dev/c"),
+        ([teensy("/dev/a")], 0, ["--port", "/dev/c"], "no such port /dev/c"),
         ([Port("/dev/x", "adapter", "xbee")], 0, ["--port", "/dev/x"], "/dev/x is not a Teensy"),
     ],
 )
@@ -338,7 +338,7 @@ def test_the_old_firmware_is_not_taken_for_the_new_one(bench: Bench, monkeypatch
     monkeypatch.setattr(running, "_checked", lambda port, version, _: version)
     monkeypatch.setattr(running, "_ask", lambda _: running.Answer(answer.version, clock.now - started[0]))
     bench.ports = [teensy("/dev/a")]
-    with pytest.raises(FlashError, match="did not answer") as caught:
+    with pytest.raises(FlashError, match="did not respond") as caught:
         running.wait_for_firmware(Board(bench.ports[0]), "", began_s=0.0, left=False, clock=clock, sleep=clock.sleep)
     assert "before the upload" in caught.value.hint
 
@@ -357,7 +357,7 @@ def test_the_old_firmware_is_not_taken_for_the_new_one(bench: Bench, monkeypatch
 
 def test_a_board_that_does_not_come_back_is_an_error_with_a_way_on(bench: Bench) -> None:
     clock = Clock()
-    with pytest.raises(FlashError, match="did not answer within 30 s") as caught:
+    with pytest.raises(FlashError, match="did not respond within 30 s") as caught:
         running.wait_for_firmware(Board(teensy("/dev/a")), "", began_s=0.0, left=True, clock=clock, sleep=clock.sleep)
     assert "unplug" in caught.value.hint
 
@@ -372,7 +372,7 @@ def test_the_board_is_asked_without_counting_as_a_ground_station(bench: Bench, m
     monkeypatch.setattr(running, "connect", refuse)
     bench.ports = [teensy("/dev/a")]
     clock = Clock()
-    with pytest.raises(FlashError, match="did not answer") as caught:
+    with pytest.raises(FlashError, match="did not respond") as caught:
         running.wait_for_firmware(Board(bench.ports[0]), "", began_s=0.0, left=True, clock=clock, sleep=clock.sleep)
     assert "busy" in caught.value.hint
     assert asked

@@ -53,10 +53,10 @@ def test_files_that_are_no_hex_file_at_all(tmp_path: Path) -> None:
     with pytest.raises(HexFileError) as caught:
         read_hex(tmp_path / "mine.toml")
     assert "omni flash --robot" in caught.value.hint
-    assert "holds no program" in lines_refused(tmp_path, LINES[-1:])
+    assert "has no program" in lines_refused(tmp_path, LINES[-1:])
     with (tmp_path / "huge.hex").open("wb") as file:
         file.truncate(17 << 20)
-    assert "more than a Teensy's program" in refusal(tmp_path / "huge.hex")
+    assert "larger than a Teensy's program" in refusal(tmp_path / "huge.hex")
 
 
 def test_damage_is_found(tmp_path: Path) -> None:

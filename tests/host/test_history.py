@@ -106,7 +106,7 @@ def test_lines_of_two_programs_may_alternate(robot: Robot, history: RobotHistory
 def test_an_entry_that_is_not_there_is_refused(robot: Robot, history: RobotHistory, number: int) -> None:
     change(robot, history, {"WS_P": 0.5})
     change(robot, history, {"WS_P": 0.6})
-    with pytest.raises(HistoryError, match="there are 1 to 2"):
+    with pytest.raises(HistoryError, match="1 to 2"):
         history.before(number)
 
 

@@ -155,7 +155,7 @@ def test_refused_fixes_are_counted_since_the_last_good_one() -> None:
     quality = told(SURE, first, used, refused, late, status("pose stale", "fix refused"))
     assert quality.refused == 5
     assert "no usable fix for 1.0 s" in quality.text
-    assert quality.advice.startswith("the robot refused 5 fixes: ")
+    assert quality.advice.startswith("the robot rejected 5 fixes: ")
 
 
 def test_a_robot_that_never_had_a_fix() -> None:
@@ -164,7 +164,7 @@ def test_a_robot_that_never_had_a_fix() -> None:
     quality = told(SURE, none, later, status())
     assert quality.text == "pose without fixes: ±29 mm, ±2.2° (95 %)"
     assert quality.advice == (
-        "start a pose source, or go by the wheels alone as far as this is enough; "
+        "start a pose source, or use dead reckoning where its accuracy is enough; "
         "without fixes it drifts about 2.4 mm and 0.19° a second"
     )
 
@@ -172,14 +172,14 @@ def test_a_robot_that_never_had_a_fix() -> None:
 @pytest.mark.parametrize("sd", [(0.0, 0.0, 0.0), (math.nan, 0.1, 0.1), (math.inf, 0.1, 0.1)])
 def test_a_covariance_that_says_nothing_is_not_shown_as_a_good_one(sd: tuple[float, float, float]) -> None:
     quality = told(replace(SURE, pose_sd=sd), CONTROL, status())
-    assert quality.text == "pose: the robot does not say how good it is"
+    assert quality.text == "pose: no standard deviation reported"
     assert quality.verdict is Verdict.UNKNOWN
 
 
 def test_innovations_that_contradict_the_estimate_for_long_are_told() -> None:
     quality = told(SURE, *fixes(6.1, 100, 0.2), status())
     assert quality.text == (
-        "pose doubtful: it says ±4.9 mm, ±0.34° (95 %), but its fixes are further off (NIS 6.1, not 3)"
+        "pose uncertain: reported ±4.9 mm, ±0.34° (95 %), but its fixes deviate more (NIS 6.1, not 3)"
     )
     assert "FIX_DELAY" in quality.advice
     assert "EKF_Q_XY" in quality.advice
@@ -191,7 +191,7 @@ def test_wheels_taken_for_much_noisier_than_configured_are_told_although_the_inn
     quality = told(SURE, replace(CONTROL, nis=3.0, wheel_noise=6.7), status())
     assert quality.verdict is Verdict.CONTRADICTED
     assert quality.text == (
-        "pose doubtful: it says ±4.9 mm, ±0.34° (95 %), but wheels and fixes disagree 7 times as much as configured"
+        "pose uncertain: reported ±4.9 mm, ±0.34° (95 %), but wheels and fixes disagree 7 times as much as configured"
     )
     assert "FIX_DELAY" in quality.advice
     assert told(SURE, replace(CONTROL, nis=3.0, wheel_noise=1.7), status()).verdict is Verdict.GOOD

@@ -45,7 +45,7 @@ def test_every_exception_is_an_omni_error_with_message_and_hint() -> None:
 
 def test_connecting_to_silence_says_so(fake: Any) -> None:
     fake.silent = True
-    with pytest.raises(LinkTimeoutError, match="nothing came from fake"):
+    with pytest.raises(LinkTimeoutError, match="no data from fake"):
         connect(fake, clock=fake.clock, timeout_s=2.0)
     assert fake.closed
 

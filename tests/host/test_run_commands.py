@@ -67,7 +67,7 @@ def test_tune_tries_several_in_rounds_and_judges_each(sitl: str, tmp_path: Path)
     for entry in told["candidates"]:
         for verdict in entry["verdicts"]:
             assert verdict["rounds"] <= 3
-            assert ("inside the noise" in verdict["text"]) is not verdict["shows"]
+            assert ("within the noise" in verdict["text"]) is not verdict["shows"]
     assert parameter(sitl, "ISMC_LAM_XY") == before
     omni("tune", "--link", sitl, *words, *STEP, "--keep", "--out", tmp_path, code=2)
 
@@ -119,7 +119,7 @@ def test_sim_over_seeds_says_why_no_run_can_start(tmp_path: Path) -> None:
     flat.write_text('[scenario]\nname = "flat"\nextends = "demo"\n[world]\nbattery_V = 5.0\n', encoding="utf-8")
     result = CliRunner().invoke(app, ["sim", str(flat), "--seeds", "9"])
     assert result.exit_code == 1
-    assert "refuses to arm: battery" in result.stderr
+    assert "arming was rejected: battery" in result.stderr
 
 
 @pytest.mark.full

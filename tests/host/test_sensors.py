@@ -111,7 +111,7 @@ def words_of(robot: Robot) -> dict[str, SensorQuality]:
 def test_a_gyro_that_is_used_and_one_that_is_not() -> None:
     assert gyro_quality(USED) == SensorQuality("gyro", True, "used, bias +0.01230 rad/s, sd 0.00040")
     left_out = gyro_quality(replace(USED, used=False))
-    assert (left_out.good, left_out.text) == (False, "not used: the wheels alone count")
+    assert (left_out.good, left_out.text) == (False, "not used: estimate from the wheels only")
     assert "omni bringup gyro" in left_out.advice
 
 
@@ -132,17 +132,17 @@ def floor(*states: FlowState) -> SensorQuality:
 
 def test_a_floor_sensor_that_fits() -> None:
     assert FloorWatch().quality() is None
-    assert floor(FITS) == SensorQuality("floor odometry", True, "used 532, refused 3, lost 0")
+    assert floor(FITS) == SensorQuality("floor odometry", True, "used 532, rejected 3, lost 0")
 
 
 @pytest.mark.parametrize(
     ("change", "text", "advice"),
     [
         ({"readings_came": 0, "usable": False}, "no readings", "check its wires"),
-        ({"usable": False}, "used 532, refused 3, lost 0; not usable", "the robot's texts say why"),
-        ({"readings_refused": 80}, "used 532, refused 80, lost 0", "13 % of its readings were refused"),
-        ({"readings_lost": 70}, "used 532, refused 3, lost 70", "12 % of its readings were lost"),
-        ({"direction_off_rad": math.radians(21.3)}, "used 532", "points -21° off: add -21.3 to FLOW_ANGLE"),
+        ({"usable": False}, "used 532, rejected 3, lost 0; not usable", "the robot's messages give the reason"),
+        ({"readings_refused": 80}, "used 532, rejected 80, lost 0", "13 % of its readings were rejected"),
+        ({"readings_lost": 70}, "used 532, rejected 3, lost 70", "12 % of its readings were lost"),
+        ({"direction_off_rad": math.radians(21.3)}, "used 532", "misaligned by -21°: add -21.3 to FLOW_ANGLE"),
         ({"direction_off_rad": 0.4, "usable": False, "readings_refused": 500}, "not usable", "to FLOW_ANGLE"),
     ],
 )
@@ -162,13 +162,13 @@ def test_a_few_degrees_and_a_few_readings_are_no_reason_to_warn() -> None:
 def test_one_that_leads_is_said_and_nothing_has_to_be_done() -> None:
     quality = floor(replace(FITS, leads=True))
     assert quality.good
-    assert quality.text.endswith("it leads: wheels spin or slide")
+    assert quality.text.endswith("it overrides the wheels, which spin or slide")
 
 
 def test_before_it_has_proved_itself_nothing_is_wrong() -> None:
     quality = floor(replace(FITS, readings_used=0, readings_refused=0))
     assert quality.good
-    assert quality.text.endswith("a drive has yet to prove it")
+    assert quality.text.endswith("not yet verified by a drive")
 
 
 def minute(refused_first: int, refused_then: int) -> list[FlowState]:
@@ -185,12 +185,12 @@ def test_the_last_half_minute_counts() -> None:
     assert not floor(*minute(25, 0)[: int(WINDOW_S)]).good
     assert floor(*minute(25, 0)).good
     late = floor(*minute(0, 8))
-    assert "16 % of its readings were refused" in late.advice
+    assert "16 % of its readings were rejected" in late.advice
 
 
 def test_a_robot_that_restarts_counts_anew() -> None:
     states = [*minute(0, 0), replace(FITS, readings_used=30, readings_refused=30, readings_came=60)]
-    assert "50 % of its readings were refused" in floor(*states).advice
+    assert "50 % of its readings were rejected" in floor(*states).advice
 
 
 def test_what_is_old_or_of_before_a_restart_is_not_shown_as_present() -> None:
@@ -199,7 +199,7 @@ def test_what_is_old_or_of_before_a_restart_is_not_shown_as_present() -> None:
     assert not is_present(USED, USED.time_s + 1.1 * SILENT_S)
     assert not is_present(USED, USED.time_s - 2.0)
     (nothing,) = shown([GYRO], [])
-    assert nothing.text == "the robot has not told of it"
+    assert nothing.text == "no report from the robot"
     assert shown([], [gyro_quality(USED)]) == [], "a robot without one shows none"
 
 
@@ -211,7 +211,7 @@ def test_the_monitor_shows_a_line_for_each_sensor() -> None:
         link.end_s = 4.0
         seen = monitor(link)
     assert "gyro  used, bias " in seen
-    assert "floor odometry  used 0, refused 0, lost 0; a drive has yet to prove it" in seen
+    assert "floor odometry  used 0, rejected 0, lost 0; not yet verified by a drive" in seen
 
 
 @pytest.mark.parametrize(("scenario", "key", "name"), [("gyro", "gyro", "gyro"), ("flow", "floor_motion", FLOOR.name)])
@@ -249,7 +249,7 @@ def test_a_gyro_from_which_nothing_comes_is_a_warning() -> None:
     with linked("demo", parameters={"GYRO_AXIS": 3.0}) as link:
         link.run(2000, link.drop_received)
         seen = monitor(link, "--once")
-    assert "gyro  not used: the wheels alone count" in seen
+    assert "gyro  not used: estimate from the wheels only" in seen
     assert "`omni bringup gyro`" in seen
 
 
@@ -306,7 +306,7 @@ def test_a_floor_sensor_that_points_elsewhere_is_put_right_by_the_advice(mounted
     ):
         drive_in_two_directions(robot)
         quality = words_of(robot)[FLOOR.name]
-        assert "not usable: the wheels alone count" in quality.text
+        assert "not usable: estimate from the wheels only" in quality.text
         advised = float(quality.advice.split(": add ")[1].split()[0])
         assert advised == pytest.approx(mounted_deg, abs=2.0)
         robot.parameters["FLOW_ANGLE"] += advised
@@ -349,7 +349,7 @@ def test_a_firmware_that_has_no_such_message_is_left_alone(fake_robot: Callable[
             assert sensors == (GYRO,)
             console = Console(width=200, record=True, file=io.StringIO())
             console.print(view(robot, 3, sensors))
-    assert "gyro  the robot has not told of it" in console.export_text()
+    assert "gyro  no report from the robot" in console.export_text()
 
 
 def test_a_robot_that_is_gone_is_not_asked_at_the_end(fake: Any, robot: Robot) -> None:

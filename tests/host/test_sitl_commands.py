@@ -83,7 +83,7 @@ def test_commands_are_done_and_said_and_bad_lines_change_nothing() -> None:
         assert child.until(lambda now: not now["on"]) == [{"on": [], "speed": 0.5}]
         refusals = child.refusals()
     assert len(refusals) == len(bad)
-    assert all(line.startswith("error: command: ") and "Nothing was changed" in line for line in refusals)
+    assert all(line.startswith("error: command: ") and "No fault or speed was changed" in line for line in refusals)
     assert "did you mean encoder_stuck" in refusals[2]
 
 

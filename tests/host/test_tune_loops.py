@@ -88,7 +88,7 @@ def test_a_set_that_cannot_take_the_signal_is_refused_before_anything_moves(stan
         (("--size", "0"), "not 0"),
         (("--size", "4"), "from -3 to 3"),
         (("-e", "wheel-stop"), "wheel-stop"),
-        (("-e", "wheel-step", "--only-wheel", "4"), "there is no wheel 4"),
+        (("-e", "wheel-step", "--only-wheel", "4"), "unknown wheel 4"),
         (("-e", "position-step", "--size", "0.3"), "cannot be"),
     ],
 )
@@ -124,7 +124,7 @@ def test_the_signal_is_chosen_for_every_set_and_kept() -> None:
         alone = Loop("wheel-step", Signal(), 1.0, lambda _: None)
         alone.prepare(robot, sets[:1], robot.parameters.set_many)
         free, _ = alone.run(robot)
-        with pytest.raises(LimitError, match="there is no wheel 4"):
+        with pytest.raises(LimitError, match="unknown wheel 4"):
             Loop("disturbance", Signal(wheel=4), 1.0, lambda _: None).prepare(robot, sets, robot.parameters.set_many)
     assert sizes[0] == sizes[1] <= free.settings["amplitude_rad_s"]
 

@@ -30,7 +30,7 @@ def test_the_interval_is_that_of_a_paired_t_test() -> None:
     assert position.shows
     assert not heading.shows
     assert "worse by 0.19 ± 0.02" in position.sentence()
-    assert "inside the noise of 10 rounds" in heading.sentence()
+    assert "within the noise of 10 rounds" in heading.sentence()
 
 
 @pytest.mark.full

@@ -124,6 +124,6 @@ def test_another_users_folder_keeps_nobody_from_a_robot(cable: Cable, robot_urls
 def test_who_finds_a_port_busy_is_told_what_keeps_it_from_a_hub(cable: Cable) -> None:
     first = open_shared(str(cable.path))
     places.folder().chmod(0o777)
-    with pytest.raises(LinkOpenError, match=r"if a hub has it: the folder .* is open to others"):
+    with pytest.raises(LinkOpenError, match=r"if a hub uses it: the folder .* is accessible"):
         open_shared(str(cable.path))
     first.close()

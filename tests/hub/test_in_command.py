@@ -86,7 +86,7 @@ def test_a_stop_passes_from_any_client_before_everything_queued(name: str) -> No
     assert bench.sent[0][1].command == STOPS[name].command
     assert "SET_POSITION_TARGET_LOCAL_NED" not in bench.names(), "what moves and was queued before the stop is gone"
     assert first.results(mavlink.MAV_CMD_OMNI_TRAJECTORY_START) == [DENIED]
-    assert "hub: a stop came first" in first.texts()
+    assert "hub: cancelled by a stop" in first.texts()
     assert second.results(STOPS[name].command)[-1] == ACCEPTED
 
 

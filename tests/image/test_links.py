@@ -157,6 +157,9 @@ def test_a_link_that_the_board_has_not_is_refused(image: Path, link: str) -> Non
 def test_a_storage_file_that_is_none_is_refused_and_left_alone(image: Path, tmp_path: Path) -> None:
     storage = tmp_path / "memory"
     storage.write_bytes(b"my thesis")
-    with pytest.raises(FirmwareStartError, match="no parameter memory"), ImageFirmware(image, storage=storage):
+    with (
+        pytest.raises(FirmwareStartError, match="do not fit the parameter memory"),
+        ImageFirmware(image, storage=storage),
+    ):
         pass
     assert storage.read_bytes() == b"my thesis"

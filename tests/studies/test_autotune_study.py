@@ -115,7 +115,7 @@ def test_the_summary_counts_what_is_worse_and_what_was_promised() -> None:
             made_row(
                 4,
                 "refused",
-                why=b"the fit did not settle",
+                why=b"the fit did not converge",
                 distance_measured=math.nan,
                 position_m_before=0.0,
                 position_m_after=0.0,
@@ -133,7 +133,7 @@ def test_the_summary_counts_what_is_worse_and_what_was_promised() -> None:
     assert found["margins"]["distance"]["model"]["measured"] == 0
     assert found["robots"]["worse_by"] == {"0.01": 1, "0.05": 1, "0.2": 1}
     assert found["robots"]["complete_fewer_paths"] == 1
-    assert found["robots"]["reasons"] == {"the fit did not settle": 1, "the robot stopped by itself": 1}
+    assert found["robots"]["reasons"] == {"the fit did not converge": 1, "the robot stopped by itself": 1}
     assert "| worse than before, however little | 2 (1 by more than 1%" in page(found)
 
 

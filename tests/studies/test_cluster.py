@@ -87,7 +87,7 @@ class _Broken(Point):
 
 def test_workers_that_compute_other_numbers_are_refused(dask_cluster: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     own = engine.identity()
-    for name, message in (("probe", "computes other numbers"), ("omniwheel", "has omniwheel")):
+    for name, message in (("probe", "computes different results"), ("omniwheel", "has omniwheel")):
         monkeypatch.setattr("hil_sim.studies.engine.identity", lambda name=name: {**own, name: "another"})
         with pytest.raises(ClusterError, match=message):
             DaskPool(dask_cluster.scheduler_address, connect_s=60.0)
@@ -95,7 +95,7 @@ def test_workers_that_compute_other_numbers_are_refused(dask_cluster: Any, monke
 
 def test_no_scheduler_and_no_address_are_clear_errors() -> None:
     for address in (NOBODY, "tcp://127.0.0.1:99999", "nonsense"):
-        with pytest.raises(ClusterError, match="no Dask scheduler answers"):
+        with pytest.raises(ClusterError, match="no Dask scheduler responds"):
             DaskPool(address, connect_s=1.0)
 
 

@@ -161,7 +161,7 @@ def test_an_interrupted_process_loses_no_finished_batch(quick_file: Path, tmp_pa
         process.send_signal(signal.SIGINT)
         told = process.communicate(timeout=120.0)[1]
     assert process.returncode == INTERRUPTED
-    assert "run the same command again" in " ".join(told.split())
+    assert "repeat the command" in " ".join(told.split())
     kept = (out / "batches.bin").read_bytes()
     text = omni(*montecarlo(quick_file, out, "--seed", 1)).stdout
     assert "position RMSE [mm]" in text

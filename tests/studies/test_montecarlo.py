@@ -94,7 +94,7 @@ def test_a_worst_run_that_does_not_repeat_is_an_error(
 ) -> None:
     other = load_scenario("no_slip").with_duration(0.5)
     monkeypatch.setattr(montecarlo, "load_scenario", lambda path: other)
-    with pytest.raises(StudyError, match="does not repeat"):
+    with pytest.raises(StudyError, match="does not reproduce"):
         do(plan, tmp_path / "study", LocalPool(1))
 
 

@@ -50,7 +50,7 @@ def test_nothing_moves_before_yes_the_wheel_is_shown_and_a_stop_ends_it(page: Pa
     assert "Is the robot on a stand" in (page.text_content("#bring-up-question") or "")
     page.get_by_role("button", name="No", exact=True).click()
     until(page, "!state.bring_up.running")
-    assert "nothing was moved" in (page.text_content("#bring-up-state") or "")
+    assert "no wheel was moved" in (page.text_content("#bring-up-state") or "")
     begin(page, "motors")
     until(page, "state.bring_up.question")
     page.click("#start-path")  # what else moves the robot waits

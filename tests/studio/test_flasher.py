@@ -56,7 +56,7 @@ def test_a_file_is_checked_and_nothing_is_uploaded(tmp_path: Path) -> None:
     flasher.check(Firmware("", str(file), "/dev/nothing", False))
     state = finished(flasher)
     assert state["trouble"] == ""
-    assert "there is no port /dev/nothing" in state["done"]
+    assert "no such port /dev/nothing" in state["done"]
     assert any("nothing was uploaded" in line for line in state["lines"])
     assert state["checked"] is False
 

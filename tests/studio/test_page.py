@@ -215,7 +215,7 @@ def test_a_path_that_is_too_short_is_refused_in_words(page: Page) -> None:
     page.mouse.down()
     page.mouse.move(box["x"] + 53, box["y"] + 50)
     page.mouse.up()
-    until(page, "document.getElementById('notice').textContent.includes('it has to be 0.05 m or more')")
+    until(page, "document.getElementById('notice').textContent.includes('must be 0.05 m or more')")
     assert page.is_disabled("#follow-line")
 
 

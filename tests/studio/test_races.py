@@ -208,7 +208,7 @@ def test_a_server_that_hangs_is_said_and_comes_back(open_page: Opener) -> None:
         os.kill(program.process.pid, signal.SIGSTOP)
         try:
             page.click("#run-refresh")
-            until(page, "state === null && document.getElementById('notice').textContent.includes('does not answer')")
+            until(page, "state === null && document.getElementById('notice').textContent.includes('does not respond')")
         finally:
             os.kill(program.process.pid, signal.SIGCONT)
         until(page, "state?.commands === 'this page'")

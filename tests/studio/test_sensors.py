@@ -104,7 +104,7 @@ def test_a_sensor_that_is_switched_on_later_appears_and_goes_again(open_page: Op
         until(page, "robot?.pose")
         take_over(page)
         set_axis(page, "3")
-        text(page, "gyro-text", "/^gyro: not used: the wheels alone count$/")
+        text(page, "gyro-text", "/^gyro: not used: estimate from the wheels only$/")
         text(page, "gyro-advice", "/omni bringup gyro/")
         assert "gyro.bias" in signals(page)
         set_axis(page, "0")

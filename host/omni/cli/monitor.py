@@ -88,7 +88,7 @@ def monitor(
 
 def _heard(robot: Robot, sensors: Sequence[Sensor], timeout_s: float) -> RobotStatus:
     """Return a status that has everything; of a sensor that the robot does not tell of in time, nothing."""
-    status = robot.wait_until(_is_filled, timeout_s, "complete state (heartbeat, pose, wheels and status) of the robot")
+    status = robot.wait_until(_is_filled, timeout_s, "completely received (heartbeat, pose, wheels, status)")
     if len(status.sensors) < len(sensors):
         robot.connection.wait(lambda _: len(robot.status.sensors) >= len(sensors), timeout_s)
     return robot.status

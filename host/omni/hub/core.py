@@ -257,7 +257,7 @@ class Hub:
         system = target_of(message).system
         for frame in self._outbox.remove(_MOVES, system):
             self._refuse(frame.client, frame.message, _DENIED)
-            self._send_text(self.clients[frame.client], "hub: a stop came first", _WARNING, "overtaken")
+            self._send_text(self.clients[frame.client], "hub: cancelled by a stop", _WARNING, "overtaken")
         if not self.is_open:
             self._refuse(client.number, message, _LATER)
             self._send_text(client, f"hub: {self.settings.name} is disconnected: stop not sent", _CRITICAL, "port")
@@ -283,7 +283,7 @@ class Hub:
         now_s = self._clock()
         before = self.command.holder
         if is_command(message) and self._pending.is_overtaken(client.number, message, now_s):
-            self._send_text(client, "hub: a stop came first", _WARNING, "overtaken")
+            self._send_text(client, "hub: cancelled by a stop", _WARNING, "overtaken")
             self._refuse(client.number, message, _DENIED)
         elif not self.command.may_move(
             client.number, now_s, stream=kind is Kind.SETPOINT, system=target_of(message).system

@@ -68,7 +68,7 @@ def test_everything_the_wrong_way_round_is_seen_by_the_person_only(make_bench: M
     watch(bench)
     result = check_drive(bench.robot, bench)
     assert list(failures(result)) == ["forward: seen"]
-    assert "[motor] direction and [encoder] direction the other sign" in result.advice[0]
+    assert "invert [motor] direction and [encoder] direction" in result.advice[0]
 
 
 def test_wheels_in_another_order_are_seen(make_bench: MakeBench) -> None:

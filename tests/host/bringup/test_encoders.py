@@ -71,4 +71,4 @@ def test_a_hand_that_did_not_turn_a_whole_revolution_is_asked_again(bench: Bench
     bench.hands[0] = 0.8 * 2 * math.pi
     result = check(bench)
     assert list(failures(result)) == ["encoder 1 revolution"]
-    assert "else run this again" in result.advice[0]
+    assert "else repeat the check" in result.advice[0]

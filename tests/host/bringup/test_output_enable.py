@@ -52,7 +52,7 @@ def test_an_oe_that_is_tied_to_ground_is_noticed_and_the_bus_stops_the_wheels(ma
     bench = make_bench(change=tied_to_ground)
     result = check_output_enable(bench.robot, bench)
     assert list(failures(result)) == ["pin"], "without the wire there is no pull-up to look at"
-    assert "the wheels turned until the bus stopped them" in result.findings[0].seen
+    assert "the wheels turned until they were stopped" in result.findings[0].seen
     assert "not tied to ground" in result.advice[0]
     assert result.measured["pin_s"] > 1.4, "they turned for the whole trial"
     assert at_rest_and_disarmed(bench)

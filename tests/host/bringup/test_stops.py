@@ -52,7 +52,7 @@ def test_a_ground_station_of_the_same_numbers_keeps_a_robot_alive_and_is_suspect
     result = check_stops(bench.robot, bench)
     assert "link loss" in failures(result)
     assert "link loss: failsafe" in failures(result)
-    assert "another ground station" in failures(result)["link loss"]
+    assert "other ground stations" in failures(result)["link loss"]
     assert not bench.armed
 
 

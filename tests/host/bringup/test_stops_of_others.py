@@ -80,7 +80,7 @@ def test_a_stop_while_the_button_is_let_go_is_not_released_with_the_buttons(make
     show = bench.show
 
     def told(text: str) -> None:
-        if text.startswith("Let the stop button"):
+        if text.startswith("Release the stop button"):
             stop()
         show(text)
 

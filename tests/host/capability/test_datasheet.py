@@ -54,7 +54,7 @@ def test_without_currents_the_no_load_current_is_assumed() -> None:
 @pytest.mark.parametrize(
     ("sheet", "said"),
     [
-        (GearMotor(12.0, 34.6, 14.0, 5.5, 0.2), "14 N m at stall cannot be"),
+        (GearMotor(12.0, 34.6, 14.0, 5.5, 0.2), "14 N m at stall is impossible"),
         (GearMotor(12.0, -1.0, 1.4), "no-load speed is -1"),
         (GearMotor(12.0, 34.6, 1.4, 5.5, 3.0), "below half of it"),
         (GearMotor(math.nan, 34.6, 1.4), "voltage is nan"),
@@ -121,7 +121,7 @@ def test_a_bridge_s_current_that_cannot_be_is_refused(bridge_A: float, tmp_path:
 
 def test_a_bridge_s_current_without_the_motor_s_is_refused(tmp_path: Path) -> None:
     motor = replace(find_motor("pololu_37d_30"), stall_current_A=None, no_load_current_A=None)
-    with pytest.raises(DataSheetError, match="without the motor's stall current"):
+    with pytest.raises(DataSheetError, match="without --stall-current"):
         write_designed_robot("mine", RobotAnswers(3, 0.096, 0.16, 4.0, motor, bridge_A=2.0), tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -59,8 +59,8 @@ def test_a_push_moves_the_robot_and_it_comes_back() -> None:
 @pytest.mark.parametrize(
     ("plan", "why"),
     [
-        (PositionPlan("x", 0.3), "a size of 0.3 m cannot be"),
-        (PositionPlan("x", 0.0), "a size of 0 m cannot be"),
+        (PositionPlan("x", 0.3), "an amplitude of 0.3 m is invalid"),
+        (PositionPlan("x", 0.0), "an amplitude of 0 m is invalid"),
         (PositionPlan("x", 0.1), "LIM_WHEEL is 3"),
         (PositionPlan("x", 0.008), "LIM_DUTY leaves"),
     ],

@@ -111,9 +111,9 @@ def test_the_folder_has_numbers_burst_and_picture(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("plan", "why"),
     [
-        ({"wheel": 4}, "there is no wheel 4"),
-        ({"speed_rad_s": 0.5, "amplitude_rad_s": 0.6}, "a wheel would stand or reverse"),
-        ({"amplitude_rad_s": 0.0}, "a wheel would stand or reverse"),
+        ({"wheel": 4}, "unknown wheel 4"),
+        ({"speed_rad_s": 0.5, "amplitude_rad_s": 0.6}, "a wheel would stop or reverse"),
+        ({"amplitude_rad_s": 0.0}, "a wheel would stop or reverse"),
         ({"speed_rad_s": 2.9, "amplitude_rad_s": 0.2}, "LIM_WHEEL is 3"),
         ({"speed_rad_s": 2.0, "amplitude_rad_s": 0.9}, "LIM_DUTY leaves"),
         ({"wheel": 1, "duration_s": 20.0}, "square of"),

@@ -129,7 +129,7 @@ def test_it_pauses_while_the_cameras_see_nothing_and_goes_on() -> None:
 
 def test_cameras_that_never_see_the_robot_end_the_run_without_a_move() -> None:
     setup = Setup(Goal(ORIGIN), Pose(1.0, 0.0, 0.0), faults=[Fault("pose_loss", 0.0)])
-    with pytest.raises(HostControlStopError, match="no pose has come"):
+    with pytest.raises(HostControlStopError, match="no pose was received"):
         setup.run(10.0)
     assert np.allclose(setup.robot.world.truth, [1.0, 0.0, 0.0], atol=1e-9)
 

@@ -48,7 +48,7 @@ def test_a_part_keeps_its_rows_together() -> None:
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"time_s": [0.0, 0.1, 0.1, 0.2, 0.3]}, "time_s does not rise after row 1"),
+        ({"time_s": [0.0, 0.1, 0.1, 0.2, 0.3]}, "time_s does not increase after row 1"),
         ({"time_s": [0.0, 0.1, np.nan, 0.2, 0.3]}, "time_s is not finite in row 2"),
         ({"time_s": [0.0]}, "time_s has shape"),
         ({"wheel_rad_s": np.ones((5, 2))}, "3 or 4 are needed"),
@@ -59,7 +59,7 @@ def test_a_part_keeps_its_rows_together() -> None:
         ({"pose": [[np.nan, 0.0, 0.0]] * 3}, "pose is nan"),
         ({"pose": np.zeros((2, 3))}, "pose has shape"),
         ({"wheel_angle_rad": np.ones((5, 4))}, "wheel_angle_rad"),
-        ({"voltage_V": "volts"}, "no array of numbers"),
+        ({"voltage_V": "volts"}, "not an array of numbers"),
     ],
 )
 def test_bad_data_is_refused_with_its_place(changes: dict[str, Any], says: str) -> None:

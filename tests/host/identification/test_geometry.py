@@ -63,7 +63,7 @@ def test_noise_of_the_poses_does_not_shrink_the_answer(runs: list[Dataset], layo
 
 def test_a_direction_that_was_not_driven_is_named(runs: list[Dataset], layout: Layout) -> None:
     blind = [replace(run, pose=run.pose * [1.0, 1.0, np.nan]) for run in runs[2:]]
-    with pytest.raises(IdentificationError, match="cannot be told from these runs"):
+    with pytest.raises(IdentificationError, match="cannot be identified from these runs"):
         calibrate([*blind, *blind], layout)
     with pytest.raises(IdentificationError, match="does not move along x and y"):
         calibrate([*runs[2:], *runs[2:]], layout)

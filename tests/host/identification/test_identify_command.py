@@ -83,7 +83,7 @@ def test_bad_input_is_told_before_anything_moves(tmp_path: Path) -> None:
     link = ("--link", "tcp:127.0.0.1:1", "--out", tmp_path)
     assert "exists already" in omni("identify", "live", *link, "--log", tmp_path / "kept.tlog", code=2).output
     assert "exists already" in omni("identify", "live", *link, "--name", "kept", code=2).output
-    assert "cannot be a robot's name" in omni("identify", "live", *link, "--name", "Not a name", code=2).output
+    assert "is not a valid robot name" in omni("identify", "live", *link, "--name", "Not a name", code=2).output
     assert "cannot write" in omni("identify", "simulate", "--out", tmp_path / "absent", code=2).output
     assert (tmp_path / "kept.tlog").read_bytes() == b"kept"
 

@@ -145,7 +145,7 @@ def test_steps_that_do_not_settle_give_no_estimate(
 ) -> None:
     monkeypatch.setattr(output_error, "SETTLED", 0.0)
     monkeypatch.setattr(output_error, "IV_STEPS_MAX", 2)
-    with pytest.raises(IdentificationError, match="did not settle"):
+    with pytest.raises(IdentificationError, match="did not converge"):
         identify(driven, Model.floor(layout))
 
 

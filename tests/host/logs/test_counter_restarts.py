@@ -149,7 +149,7 @@ def test_a_row_that_no_wheel_can_turn_is_refused_unless_the_mapping_rejects_it(t
     unit = "counts"
     if quantity == "speed":
         counts, unit = counts * 2.0 * np.pi / PER_TURN / PERIOD_S, "rad/s"
-    with pytest.raises(LogError, match=r"goes on by -47\d+ counts at 10.000 s"):
+    with pytest.raises(LogError, match=r"increases by -47\d+ counts at 10.000 s"):
         imported(tmp_path, counts, quantity=quantity, unit=unit)
     log, _ = imported(tmp_path, counts, quantity=quantity, unit=unit, more="[spikes]\nmax_rad_s = 100.0\n")
     assert list(np.flatnonzero(~log.good.all(axis=1))) == [1000]

@@ -88,7 +88,7 @@ def test_a_log_whose_clock_began_again_is_refused(
 def test_a_log_with_a_long_gap_is_refused(tmp_path: Path, files: Path, mapping: Mapping) -> None:
     heading, *lines = rows(files / "run1.csv")
     path = changed(tmp_path, [heading, *lines[:800], *shifted(lines[800:], 60.0)])
-    with pytest.raises(LogError, match="nothing was logged") as error:
+    with pytest.raises(LogError, match="no row from") as error:
         import_log(path, mapping)
     assert "cut" in error.value.hint
 
@@ -111,7 +111,7 @@ def test_stored_logs_come_back(tmp_path: Path, runs: list[WheelLog]) -> None:
         assert np.array_equal(getattr(again, name), getattr(runs[0], name))
     assert np.array_equal(again.require_truth().xy, runs[0].require_truth().xy)
     (tmp_path / "bad.npz").write_bytes(b"PK no archive")
-    with pytest.raises(LogError, match="no imported log"):
+    with pytest.raises(LogError, match="not an imported log"):
         load_log(tmp_path / "bad.npz")
 
 
@@ -155,7 +155,7 @@ def test_too_short_and_missing_files_are_named(tmp_path: Path, files: Path, mapp
         import_log(tmp_path / "none.csv", mapping)
     with pytest.raises(LogError, match="at least 20"):
         import_log(changed(tmp_path, rows(files / "run1.csv")[:10]), mapping)
-    with pytest.raises(LogError, match="holds no rows"):
+    with pytest.raises(LogError, match="has no rows"):
         import_log(changed(tmp_path, rows(files / "run1.csv")[:1]), mapping)
 
 
@@ -170,7 +170,7 @@ def test_another_delimiter_and_a_row_that_was_cut_off_are_named(tmp_path: Path, 
 
 
 def test_a_csv_file_is_no_imported_log(files: Path) -> None:
-    with pytest.raises(LogError, match=r"is no imported log$"):
+    with pytest.raises(LogError, match=r"is not an imported log$"):
         load_log(files / "run1.csv")
 
 

@@ -179,14 +179,14 @@ def test_counts_and_fixes_of_a_telemetry_log_are_used(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "told"),
     [
-        (("replay", "none.npz", "--robot", "three_wheel"), "there is no log"),
-        (("replay", "{files}/run1.csv", "--robot", "{files}/robot.toml"), "which column is what"),
-        (("replay", "{files}/robot.toml", "--robot", "nope"), "no robot or file nope"),
+        (("replay", "none.npz", "--robot", "three_wheel"), "none.npz does not exist"),
+        (("replay", "{files}/run1.csv", "--robot", "{files}/robot.toml"), "column mapping"),
+        (("replay", "{files}/robot.toml", "--robot", "nope"), "unknown robot or file nope"),
         (("replay", "{npz}", "--robot", "three_wheel"), "counts per revolution"),
         (("replay", "{npz}", "--robot", "{files}/robot.toml", "--calibration", "none.toml"), "no such file"),
         (("logs", "import", "{files}/run1.csv", "--mapping", "none.toml", "--out", "x.npz"), "no column mapping"),
         (("logs", "import", "{files}/run1.csv", "--mapping", "{files}/mapping.toml", "--out", "x.csv"), "ends in .npz"),
-        (("logs", "show", "{files}/run1.csv"), "no imported log"),
+        (("logs", "show", "{files}/run1.csv"), "not an imported log"),
         (("identify", "logs", "{npz}", "--robot", "{files}/robot.toml", "--out", "{tmp}/x.toml"), "at least 2"),
         (("identify", "logs", "{npz}", "--robot", "{files}/robot.toml", "--out", "/nowhere/x.toml"), "folder"),
     ],

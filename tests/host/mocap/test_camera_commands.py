@@ -111,10 +111,10 @@ def test_too_few_too_similar_and_one_sided_pictures_are_refused(boards: list[tup
         find_lens(collect([("empty", SCENE.picture(None))]))
     collector = Collector()
     reasons = [collector.add(name, picture) for name, picture in [boards[0], ("again", boards[0][1]), boards[1]]]
-    assert reasons == ["", "the board is where it was in another picture", ""]
+    assert reasons == ["", "the board has not moved since another picture", ""]
     with pytest.raises(CameraError, match="2 pictures of the board") as refused:
         find_lens(collector.collected)
-    assert "where it was" in refused.value.hint
+    assert "has not moved" in refused.value.hint
     with pytest.raises(CameraError, match="pixels"):
         collector.add("large", np.zeros((100, 100), np.uint8))
 
@@ -170,7 +170,7 @@ def test_sheets_are_written_in_true_size(tmp_path: Path) -> None:
 BAD_FILES = {
     "device = 0": ("device = -1", "camera.device"),
     "width = 640": ("width = 7", "camera.width"),
-    "id = 10": ("id = 1", "given to two tags"),
+    "id = 10": ("id = 1", "used by two tags"),
     "height_m = 0.12": ("height_m = -1.0", "height_m"),
     "size_m = 0.12": ("siez_m = 0.12", "size_m"),
     "[[robot]]": ("[[robots]]", "robot"),

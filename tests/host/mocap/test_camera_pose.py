@@ -97,7 +97,7 @@ def beside(x: float, y: float, tag: int = 10, size: float = 0.12) -> Sheet:
 NO_POSE: dict[str, tuple[Callable[[], Array], str]] = {
     "no robot": (lambda: SCENE.picture(None), "no tag of the robot"),
     "another tag": (lambda: SCENE.picture(None, others=[beside(0.1, 0.0, 33)]), "no tag of the robot"),
-    "two robots": (lambda: SCENE.picture(HERE, others=[beside(-0.25, -0.1)]), "tag 10 is there twice"),
+    "two robots": (lambda: SCENE.picture(HERE, others=[beside(-0.25, -0.1)]), "tag 10 is visible twice"),
     "a smaller tag": (lambda: SCENE.picture(None, others=[beside(0.1, 0.0, 10, 0.09)]), "does not fit"),
     "a large blur": (lambda: spoilt(blur_px=6.0).picture(HERE), "no tag of the robot"),
     "darkness": (lambda: spoilt(gain=0.02).picture(HERE), "no tag of the robot"),
@@ -136,7 +136,7 @@ def test_a_camera_that_was_pushed_gives_no_pose(eye: Watcher) -> None:
     pushed = replace(SCENE, view=replace(VIEW, target=(0.02, 0.0, 0.0)), cache={})
     seen = eye.look(pushed.picture(HERE))
     assert seen.found is None
-    assert "camera or tag moved" in seen.reason
+    assert "has moved" in seen.reason
 
 
 @pytest.mark.full
@@ -183,7 +183,7 @@ def placed(tmp_path: Path, file: Scene, seen: Scene) -> None:
     ("file", "seen", "problem"),
     [
         (SCENE, replace(SCENE, floor=(), cache={}), "none of the floor tags"),
-        (replace(SCENE, floor=(replace(NEAR[0], x=-0.45), *NEAR[1:])), SCENE, "does not lie where"),
+        (replace(SCENE, floor=(replace(NEAR[0], x=-0.45), *NEAR[1:])), SCENE, "is not at its place"),
         (
             replace(SCENE, floor=(Sheet(1, 0.0, 0.0, size=0.08),)),
             replace(SCENE, floor=(Sheet(1, 0.0, 0.0, size=0.08),), cache={}),

@@ -186,7 +186,7 @@ def test_axes_with_y_up_are_noticed_as_soon_as_the_robot_has_turned() -> None:
     over = Body(7, rotation=tuple(Rotation.from_euler("y", 1.0).as_quat()))
     assert [offline.frame(over) for _ in range(90)] == [None] * 90, "it may be carried"
     assert offline.frame(Body(7)) is not None
-    with pytest.raises(MocapSourceError, match="lies on its side, 57 degrees") as caught:
+    with pytest.raises(MocapSourceError, match="is tilted, 57 degrees") as caught:
         offline.frames(150, over)
     assert "Up Axis" in caught.value.hint
 
@@ -222,7 +222,7 @@ def test_a_server_that_is_not_there_or_says_nothing_is_an_error(monkeypatch: pyt
     with Server() as server:
         stream = NatNetStream("127.0.0.1", server.port, "robot", library=library)
         server.sends = False
-        with pytest.raises(MocapLostError, match="answers, but sends no frames"):
+        with pytest.raises(MocapLostError, match="responds, but sends no frames"):
             stream.connect()
         server.answers = False
         with pytest.raises(MocapLostError, match="no NatNet stream"):
@@ -233,7 +233,7 @@ def test_a_server_that_is_not_there_or_says_nothing_is_an_error(monkeypatch: pyt
 
 
 def test_an_old_server_is_refused() -> None:
-    with Server((2, 10)) as server, pytest.raises(MocapSourceError, match=r"speaks version 2\.10"):
+    with Server((2, 10)) as server, pytest.raises(MocapSourceError, match=r"has NatNet 2\.10"):
         NatNetStream("127.0.0.1", server.port, "robot", library=load_library()).connect()
 
 

@@ -184,7 +184,7 @@ def test_a_supply_that_the_bridges_do_not_take_is_warned_of() -> None:
     found = document()
     found["motor"] = {**found["motor"], "supply_V": 48.0}
     (warning,) = plan_wiring(parse_robot(found, parameter_table(), "test.toml")).warnings
-    assert "48 V is outside of what a DRV8871 takes: 6.5 to 45 V" in warning
+    assert "48 V is outside a DRV8871's range: 6.5 to 45 V" in warning
 
 
 def test_a_stop_button_is_in_the_table_the_drawing_and_its_notes() -> None:
@@ -277,7 +277,7 @@ def test_the_command_prints_the_table_and_writes_the_drawing(tmp_path: Path, mon
     monkeypatch.setattr(console, "width", 400)
     out = tmp_path / "mine.svg"
     text = run("three_wheel", "--out", str(out)).stdout
-    assert any(line.rstrip().endswith("watch out for") for line in text.splitlines())
+    assert any(line.rstrip().endswith("note") for line in text.splitlines())
     for row in connections(plan_wiring(read_robot("three_wheel"))):
         assert row.start in text
         assert row.note in text
