@@ -16,7 +16,7 @@ MEASURES = "a program that measures speed or prints how long it took; it is no t
 ALLOWED = {
     "tests/waiting.py": "the helper itself",
     "tests/studio/parts.py": "the same for a page: its loop has to run meanwhile",
-    "tests/hil_sim/test_patience.py": "its subject is the share of a processor that waiting takes, in real time",
+    "tests/hil_sim/test_poll_backoff.py": "its subject is the share of a processor that waiting takes, in real time",
     "tests/host/mocap/natnet_server.py": "stands for cameras: frames have times of exposure on the reader's clock",
     "tests/host/mocap/fake_vicon/pyvicon_datastream.py": "stands for a library that blocks until the next frame",
     "tests/ci/run_steps.py": "a program: CI's steps, their limit and their seconds",

@@ -60,8 +60,7 @@ def new(
         float | None, _option("--no-load-current", "\\[A]; may be left out.", _SHEET, "A")
     ] = None,
     gear: Annotated[
-        float | None,
-        _option("--gear", "Turns of the encoder per turn of the wheel; 1: encoder at the wheel.", _SHEET, "N"),
+        float | None, _option("--gear", "Encoder turns per wheel turn; 1: encoder at the wheel.", _SHEET, "N")
     ] = None,
     encoder_lines: Annotated[
         float | None, _option("--encoder-lines", "Encoder lines (pulses of one channel) per turn.", _SHEET, "N")
@@ -72,22 +71,14 @@ def new(
     ] = None,
     wheel_distance: Annotated[
         str | None,
-        _option(
-            "--wheel-distance",
-            "Distance from the robot's centre to a wheel's contact point, with unit.",
-            _BODY,
-            "LENGTH",
-        ),
+        _option("--wheel-distance", "From the centre to a wheel's contact point, with unit.", _BODY, "LENGTH"),
     ] = None,
     mass: Annotated[float | None, _option("--mass", "Mass of the whole robot \\[kg].", _BODY, "KG")] = None,
     supply: Annotated[
         float | None, _option("--supply", "Battery voltage \\[V]. Default: the motor's rated voltage.", _BODY, "V")
     ] = None,
     bridge_current: Annotated[
-        float | None,
-        _option(
-            "--bridge-current", "Current at which the bridge chops \\[A], for LIM_I. Default: no limit.", _BODY, "A"
-        ),
+        float | None, _option("--bridge-current", "Current limit of the bridge \\[A]. Default: none.", _BODY, "A")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

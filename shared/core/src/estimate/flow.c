@@ -42,7 +42,7 @@ static bool has_same_flow_config(const omni_flow_config_t *a, const omni_flow_co
 }
 
 /* A new or reconfigured sensor must qualify again. */
-static void restart_if_reconfigured(omni_flow_state_t *state, const omni_flow_config_t *config,
+static void restart_flow_if_reconfigured(omni_flow_state_t *state, const omni_flow_config_t *config,
                                     const omni_flow_tick_t *tick) {
     const bool paused = tick->time_us > state->time_us && tick->time_us - state->time_us > flow_restart_gap_us;
     if (paused || !has_same_flow_config(&state->config, config)) {
@@ -380,7 +380,7 @@ static void use_reading(omni_flow_state_t *state, const omni_flow_config_t *conf
 omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
                            omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
                            const omni_kinematics_t *k) {
-    restart_if_reconfigured(state, config, tick);
+    restart_flow_if_reconfigured(state, config, tick);
     if ((tick->valid & (uint32_t)OMNI_FLOW_RECEIVED) != 0u) {
         const uint64_t since_us = state->last_received_us;
         state->last_received_us = tick->time_us;

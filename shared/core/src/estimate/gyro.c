@@ -18,7 +18,7 @@ static const uint64_t hold_us = 1000000;
 static const uint64_t restart_gap_us = 100000; /* a longer gap between ticks: the gyro has been off */
 
 /* Restart for a new or reconfigured gyro. */
-static void restart_if_reconfigured(omni_gyro_state_t *state, const omni_gyro_config_t *config,
+static void restart_gyro_if_reconfigured(omni_gyro_state_t *state, const omni_gyro_config_t *config,
                                     const omni_gyro_tick_t *tick, omni_pose_ekf_state_t *ekf,
                                     const omni_pose_ekf_config_t *ekf_config) {
     const bool paused = tick->time_us > state->time_us && tick->time_us - state->time_us > restart_gap_us;
@@ -200,7 +200,7 @@ static void check_bias_creep(omni_gyro_state_t *state, omni_pose_ekf_state_t *ek
 
 bool omni_gyro_step(omni_gyro_state_t *state, const omni_gyro_config_t *config, const omni_gyro_tick_t *tick,
                     omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
-    restart_if_reconfigured(state, config, tick, ekf, ekf_config);
+    restart_gyro_if_reconfigured(state, config, tick, ekf, ekf_config);
     state->turn.overrides_wheels = false;
     state->turn.at_rest = false;
     state->turn.rate_rad_s = 0.0f;

@@ -154,8 +154,8 @@ static bool asks_for_rest(const omni_setpoint_t *setpoint) {
     }
 }
 
-/* Select the setpoint. A streamed one that has timed out since arming is a fault unless it asks for rest; one from before
- * arming is ignored. */
+/* Select the setpoint. A streamed one that has timed out since arming is a fault unless it asks for rest; one from
+ * before arming is ignored. */
 static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const omni_limits_t *limits,
                                       const omni_inputs_t *inputs, uint8_t *kind) {
     const omni_setpoint_t *setpoint = &inputs->setpoint;
