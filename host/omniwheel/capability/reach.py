@@ -74,7 +74,7 @@ def _refusal(model: DriveModel, twist: Twist, bound: Bound, body: Array) -> Limi
     motors = motor_speed(model, body) * unit[1]
     also = f" with {twist.wz:g} rad/s" if speed > 0.0 and twist.wz else ""
     limit, reached = _limit_text(model, bound.cause), bound.value * unit[1]
-    message = f"requested {unit[1]:.3g} {unit[0]}{also}; its limit is {reached:.3g} {unit[0]} of that: {limit}"
+    message = f"requested {unit[1]:.3g} {unit[0]}{also}; its limit is {reached:.3g} {unit[0]}: {limit}"
     if bound.cause == MOTORS:
         return LimitError(message, hint="reduce the setpoint; `omni robots check` shows the robot's limits")
     needed = _needed(model, bound.cause, twist, body)
