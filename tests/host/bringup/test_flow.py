@@ -185,8 +185,8 @@ def test_a_sensor_that_counts_y_the_wrong_way_is_found(make_bench: MakeBench, ch
 @pytest.mark.full
 def test_a_second_push_that_does_not_come_fails(make_bench: MakeBench) -> None:
     bench = in_world(make_bench)
-    plain = bench.tell
-    bench.tell = lambda text: None if "left" in text else plain(text)  # type: ignore[method-assign]
+    plain = bench.show
+    bench.show = lambda text: None if "left" in text else plain(text)  # type: ignore[method-assign]
     assert list(failures(check_flow(bench.robot, bench, wait_s=15.0))) == ["left"]
 
 

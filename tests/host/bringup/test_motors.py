@@ -130,7 +130,7 @@ def test_an_error_on_the_way_disarms(bench: Bench) -> None:
             bench.robot.connection._listeners.remove(raise_interrupt)
             raise KeyboardInterrupt
 
-    bench.tell = interrupt  # type: ignore[method-assign]
+    bench.show = interrupt  # type: ignore[method-assign]
     with pytest.raises(KeyboardInterrupt):
         check_motors(bench.robot, bench)
     bench.robot.pump(1.5)

@@ -77,14 +77,14 @@ def test_a_stop_of_another_station_ends_the_check_of_the_button(make_bench: Make
 def test_a_stop_while_the_button_is_let_go_is_not_released_with_the_buttons(make_bench: MakeBench) -> None:
     bench, stop = with_stranger(make_bench)
     bench.presses = True
-    tell = bench.tell
+    tell = bench.show
 
     def told(text: str) -> None:
         if text.startswith("Release the stop button"):
             stop()
         tell(text)
 
-    bench.tell = told  # type: ignore[method-assign]
+    bench.show = told  # type: ignore[method-assign]
     with pytest.raises(OtherStopError):
         check_stop_button(bench.robot, bench)
     assert_still_stopped(bench)
