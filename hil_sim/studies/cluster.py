@@ -204,7 +204,7 @@ def _check_address(address: str) -> None:
     except ValueError:
         known = False
     if not known:
-        raise ClusterError(f"invalid address {address}: a host and a port are missing", hint=_START)
+        raise ClusterError(f"no Dask scheduler responds at {address}: it lacks a host and a port", hint=_START)
 
 
 def _load() -> Any:

@@ -146,7 +146,7 @@ def _checked(line: Sequence[Sequence[float]]) -> NDArray[np.float64]:
     except (TypeError, ValueError):
         raise DrawnPathError("each point of a path must be x and y in metres") from None
     if not (np.abs(given) <= _FARTHEST_M).all():
-        raise DrawnPathError(f"the points of a path must be numbers within ± {_FARTHEST_M:g} m")
+        raise DrawnPathError(f"the points of a path must be numbers within ±{_FARTHEST_M:g} m")
     return given
 
 

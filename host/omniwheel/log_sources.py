@@ -36,7 +36,7 @@ def open_log(
     if path.is_dir():
         return read_run(path)
     if not path.is_file():
-        raise LogError(f"{path}", hint=f"a log is {LOG_KINDS}")
+        raise LogError(f"{path} does not exist", hint=f"a log is {LOG_KINDS}")
     if path.suffix == ".tlog":
         return read_tlog(path, robot, part)
     if path.suffix == ".npz":

@@ -51,7 +51,7 @@ class GyroEkf(Ekf):
     overrides_wheels, rate_rad_s = True, 0.0
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, gyro=True, **options)
+        super().__init__(*arguments, has_gyro=True, **options)
 
     def predict(self, turned: Any, count: int = 1) -> None:
         wheels = ffi.new("float[4]", list(turned))

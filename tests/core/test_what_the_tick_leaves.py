@@ -101,7 +101,7 @@ def test_slip_is_fed_forward_only_while_fixes_come() -> None:
     bench = Bench(EKF_MODE=float(lib.OMNI_EKF_MODE_SLIP), ISMC_SLIP=1.0, LIM_A=100.0)
     bench.arm()
     for wheel in range(bench.wheels):
-        bench.robot.estimator.pose_ekf.slip[wheel] = 0.2
+        bench.robot.estimator.pose_ekf.error_state[wheel] = 0.2
     out = hold(bench, lib.OMNI_SETPOINT_VELOCITY_BODY, 3, twist=(0, 0, 0.2))
     plain = 0.2 * bench.values[lib.OMNI_PARAM_WHEEL_DIST] / bench.values[lib.OMNI_PARAM_WHEEL_RADIUS]
     assert [out.wheel_reference[i] for i in range(3)] == pytest.approx([plain] * 3, rel=1e-4)

@@ -168,7 +168,7 @@ def test_a_scenario_extends_another(tmp_path: Path) -> None:
 def test_scenarios_that_extend_one_another_are_refused(tmp_path: Path) -> None:
     for name, other in (("a", "b"), ("b", "a")):
         (tmp_path / f"{name}.toml").write_text(f'[scenario]\nname = "{name}"\nextends = "./{other}.toml"\n')
-    with pytest.raises(SchemaError, match="leads back"):
+    with pytest.raises(SchemaError, match="refers back"):
         load_scenario(tmp_path / "a.toml")
 
 

@@ -66,19 +66,19 @@ def test_a_scenario_is_refused_by_the_same_range_with_key_and_unit(name: str) ->
         with pytest.raises(SchemaError) as refused:
             parse_scenario({"scenario": HEAD, "world": {name: value}}, "mine.toml")
         assert f"mine.toml: world.{name}: is " in str(refused.value)
-        assert str(refused.value).endswith(f"must be {quantity.allowed}")
+        assert str(refused.value).endswith(quantity.allowed)
         assert quantity.unit in quantity.allowed
 
 
 def test_a_start_out_of_range_is_named_by_its_element() -> None:
-    with pytest.raises(SchemaError, match=r"world\.start_pose\[2\]: is 2e\+06; must be a number from -1000000"):
+    with pytest.raises(SchemaError, match=r"world\.start_pose\[2\]: is 2e\+06; .* a number from -1000000"):
         parse_scenario({"scenario": HEAD, "world": {"start_pose": [0, 2e6, 0]}}, "mine.toml")
 
 
 def test_a_robot_file_out_of_range_is_named_with_file_and_key(robots: dict[str, Robot]) -> None:
     robot = robots["three_wheel"]
     heavy = Robot(**{**vars(robot), "simulation": {**robot.simulation, "roller_friction_N_s_m": 1e7}})
-    with pytest.raises(WorldError, match=r"three_wheel\.toml: simulation\.roller_friction_N_s_m is 1e\+07; allowed is"):
+    with pytest.raises(WorldError, match=r"three_wheel\.toml: simulation\.roller_friction_N_s_m is 1e\+07; "):
         world_config(heavy)
 
 
@@ -100,7 +100,7 @@ def test_the_number_of_a_fault_is_refused_by_its_range(name: str) -> None:
     parse_scenario({"scenario": HEAD, "fault": [{**entry, "value": fault.value.maximum}]}, "mine.toml")
     with pytest.raises(SchemaError) as refused:
         parse_scenario({"scenario": HEAD, "fault": [{**entry, "value": fault.value.maximum * 2}]}, "mine.toml")
-    assert str(refused.value).endswith(f"must be {fault.value.allowed}")
+    assert str(refused.value).endswith(fault.value.allowed)
     if fault.default is None:
         with pytest.raises(SchemaError, match=rf"fault\[1\]\.value: is needed for {name}"):
             parse_scenario({"scenario": HEAD, "fault": [entry]}, "mine.toml")

@@ -340,7 +340,7 @@ def test_the_old_firmware_is_not_taken_for_the_new_one(bench: Bench, monkeypatch
     bench.ports = [teensy("/dev/a")]
     with pytest.raises(FlashError, match="did not respond") as caught:
         running.wait_for_firmware(Board(bench.ports[0]), "", began_s=0.0, left=False, clock=clock, sleep=clock.sleep)
-    assert "before the upload" in caught.value.hint
+    assert "--blank" in caught.value.hint
 
     def restart(seconds: float) -> None:
         clock.sleep(seconds)

@@ -68,7 +68,7 @@ def test_damage_is_found(tmp_path: Path) -> None:
 
 
 def test_a_file_cut_short_is_found_with_and_without_an_end(tmp_path: Path) -> None:
-    assert "cut short" in lines_refused(tmp_path, LINES[:-1])
+    assert "truncated" in lines_refused(tmp_path, LINES[:-1])
     assert f"the program has {LENGTH} bytes" in lines_refused(tmp_path, [*LINES[:-9], LINES[-1]])
 
 
@@ -128,4 +128,4 @@ def test_without_intelhex_its_extra_is_named(tmp_path: Path, monkeypatch: pytest
 def test_what_is_no_file_is_refused_at_once(tmp_path: Path, name: str) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
-    assert "no file" in refusal(tmp_path / name)
+    assert "not a file" in refusal(tmp_path / name)

@@ -128,7 +128,7 @@ def test_fixes_that_stop_make_it_drift_and_the_speed_of_it_is_told() -> None:
     assert quality.verdict is Verdict.DRIFTING
     assert quality.text == "pose drifting: no fix for 20 s, ±86 mm, ±5.2° (95 %)"
     assert quality.advice == (
-        "check the pose source (cameras, bridge, link); without fixes it drifts about 4.0 mm and 0.24° a second"
+        "check the pose source (cameras, bridge, link); without fixes it drifts about 4.0 mm and 0.24° per second"
     )
     back = replace(CONTROL, time_s=21.1, fixes_accepted=2, fix_age_s=0.02)
     assert told(SURE, CONTROL, late, status("pose stale"), SURE, back).verdict is Verdict.GOOD, "the warning is older"
@@ -165,7 +165,7 @@ def test_a_robot_that_never_had_a_fix() -> None:
     assert quality.text == "pose without fixes: ±29 mm, ±2.2° (95 %)"
     assert quality.advice == (
         "start a pose source, or use dead reckoning where its accuracy is enough; "
-        "without fixes it drifts about 2.4 mm and 0.19° a second"
+        "without fixes it drifts about 2.4 mm and 0.19° per second"
     )
 
 

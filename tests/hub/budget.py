@@ -82,7 +82,7 @@ def run(duration_s: float, seed: int, *, signed: bool = False) -> Result:
                 gaps.append(line.waiting_s - last_s)
                 last_s = line.waiting_s
             written += 1
-    told = any("left out" in text for text in reader.texts())
+    told = any("dropped" in text for text in reader.texts())
     total = sum(count for _, count in times)
     return Result(total / duration_s, _excess(times, budget.bytes_s, budget.burst_bytes), max(gaps), stops, told, reads)
 

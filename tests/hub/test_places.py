@@ -47,7 +47,7 @@ def test_who_holds_a_port_is_found_under_all_its_names_until_it_is_killed(own_pl
 def test_a_folder_that_others_can_write_to_is_refused(own_places: None, tmp_path: Path) -> None:
     (tmp_path / "omniwheel").mkdir()
     (tmp_path / "omniwheel").chmod(0o777)
-    with pytest.raises(LinkOpenError, match="open to others"):
+    with pytest.raises(LinkOpenError, match="accessible to other users"):
         places.find(places.HUB, "/dev/ttyACM0")
 
 

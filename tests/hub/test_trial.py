@@ -183,7 +183,7 @@ def test_a_refused_begin_ends_no_trial(lost: bool) -> None:
     assert tuner.results(TRIAL)[-1] == DENIED
     watcher.send(command(TRIAL, TRIAL_BEGIN, count=1))
     bench.run()
-    assert any("tuner tries parameters" in text for text in watcher.texts())
+    assert any("tuner began a parameter trial" in text for text in watcher.texts())
     assert bench.trial_goes_on
     bench.leave(tuner)
     bench.run()

@@ -86,7 +86,7 @@ def test_a_study_without_a_path_says_so(tmp_path: Path) -> None:
 
 def test_help_says_what_is_used_without_an_option() -> None:
     text = " ".join(omni("montecarlo", "--help").stdout.replace("│", " ").split())
-    for default in ("every processor", "the scenario's", "runs/SCENARIO-COMMAND"):
+    for default in ("all processors", "the scenario's", "runs/SCENARIO-COMMAND"):
         assert f"[default: {default}]" in text
 
 

@@ -84,7 +84,7 @@ def test_a_lost_definition_is_damaged_too(plan: Plan, folder: Path, counting: An
 def test_without_any_proof_whose_it_is_a_damaged_study_is_refused(plan: Plan, folder: Path) -> None:
     (folder / DEFINITION_FILE).write_text("")
     (folder / DIGEST_FILE).unlink()
-    assert "copy the study.json" in refusal(plan, folder).hint
+    assert "copy its study.json" in refusal(plan, folder).hint
 
 
 def test_batches_of_another_size_are_not_taken_for_torn_ones(plan: Plan, folder: Path) -> None:

@@ -119,7 +119,7 @@ def test_only_a_range_of_a_parameter_can_be_searched(plan: Plan, tmp_path: Path)
     for word in ("world.slip_max=0:0.1", "CTL_MODE=pid,ismc"):
         with pytest.raises(StudyInputError, match="cannot be optimised"):
             open_study(replace(plan, axes=parse_axes([word], table)), tmp_path / "study")
-    with pytest.raises(StudyInputError, match="no sampler"):
+    with pytest.raises(StudyInputError, match="unknown sampler"):
         open_study(replace(plan, sampler="luck"), tmp_path / "study")
     assert not (tmp_path / "study").exists()
 

@@ -17,10 +17,10 @@ from omniwheel.robots import parameter_table
 
 TABLE = parameter_table()
 BAD = {
-    "": "no range",
-    "ISMC_LAM_XY": "no range",
-    "ISMC_LAM_XY=": "no range",
-    "ISMC_LAM_XY=1:2:3:4": "no range",
+    "": "not a range",
+    "ISMC_LAM_XY": "not a range",
+    "ISMC_LAM_XY=": "not a range",
+    "ISMC_LAM_XY=1:2:3:4": "not a range",
     "ISMC_LAM_XY=8:2": "not below",
     "ISMC_LAM_XY=2:2": "not below",
     "ISMC_LAM_XY=1:1e9": "allowed is",
@@ -33,9 +33,9 @@ BAD = {
     "ISMC_LAM_XYZ=1:2": "did you mean ISMC_LAM_XY",
     "CTL_MODE=0:3": "choice",
     "CTL_MODE=pid,nonsense": "allowed is",
-    "CTL_MODE=ismc,ismc": "twice",
+    "CTL_MODE=ismc,ismc": "duplicate",
     "world.slip_mux=0:0.1": "did you mean slip_max",
-    "world.slip_max=0:5": "allowed is",
+    "world.slip_max=0:5": "must be",
 }
 
 

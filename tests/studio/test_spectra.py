@@ -49,7 +49,7 @@ def test_a_long_stretch_has_few_lines_and_keeps_its_peak() -> None:
 def test_too_few_samples_are_refused_with_what_to_do() -> None:
     with pytest.raises(TooFewSamplesError, match="has 3 samples in this interval; 16") as caught:
         spectrum(trace_of(np.array([0.0, 0.1, 0.2, 0.2]), np.zeros(4)))
-    assert "longer stretch" in caught.value.hint
+    assert "longer interval" in caught.value.hint
 
 
 def test_a_gap_of_days_does_not_fill_the_memory() -> None:

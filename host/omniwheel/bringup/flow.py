@@ -127,7 +127,7 @@ def check_flow(robot: Robot, person: Person, *, file: RobotFile | None = None, w
 
 def _rests(robot: Robot, findings: Findings, ways: Ways) -> bool:
     robot.pump(REST_S)
-    prefix = "floor odometry: "
+    prefix = "floor motion: "
     said = [text.text for text in robot.texts.since(0) if text.text.startswith(prefix)]
     good = ways.came - ways.lost
     seen = f"{good} in {REST_S:g} s"

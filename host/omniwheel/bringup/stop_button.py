@@ -30,7 +30,7 @@ PRESS = "The wheels turn. Press the stop button and keep it pressed"
 LET_GO = "Release the stop button"
 NO_PIN = "none: the robot file has no stop_button_pin"
 STILL_OPEN = "stop button is still open"
-STOP_FIRST = "cancelled by a stop"
+STOP_FIRST = "a stop came first"  # the firmware's text
 """How the robot refuses a release because another sender has stopped it since."""
 _STEP_S = 0.2
 _WATCH_S = 1.0

@@ -67,7 +67,7 @@ def test_everything_the_wrong_way_round_is_seen_by_the_person_only(make_bench: M
     bench = make_bench(on_floor=True, change=change)
     watch(bench)
     result = check_drive(bench.robot, bench)
-    assert list(failures(result)) == ["forward: seen"]
+    assert list(failures(result)) == ["forward: observed"]
     assert "invert [motor] direction and [encoder] direction" in result.advice[0]
 
 

@@ -67,7 +67,7 @@ def test_a_turn_by_another_angle_is_no_scale(make_bench: MakeBench) -> None:
     bench.turn_rad = math.pi
     result = check_gyro(bench.robot, bench)
     assert list(failures(result)) == ["scale"]
-    assert "one whole turn" in result.advice[0]
+    assert "exactly one turn" in result.advice[0]
 
 
 def test_a_robot_that_nobody_turns_fails(make_bench: MakeBench) -> None:

@@ -142,7 +142,7 @@ def at_rest(robot: Robot) -> bool:
 def test_a_robot_that_leaves_its_room_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(WheelSetup, "_travel_m", lambda *_: 0.0)  # it believes that it stays where it is
     with connected(FLOOR) as robot:
-        with pytest.raises(ExperimentError, match="left its room"):
+        with pytest.raises(ExperimentError, match="left its free square"):
             step(robot, wheel=1, duration_s=8.0)
         assert at_rest(robot)
 

@@ -136,7 +136,7 @@ def test_cameras_that_never_see_the_robot_end_the_run_without_a_move() -> None:
 
 def test_cameras_that_stay_blind_end_the_run() -> None:
     setup = Setup(Goal(ORIGIN), Pose(1.0, 0.0, 0.0), faults=[Fault("pose_loss", 3.0)])
-    with pytest.raises(HostControlStopError, match="stopped coming"):
+    with pytest.raises(HostControlStopError, match="has stopped"):
         setup.run(30.0)
     assert setup.robot.clock() == pytest.approx(5.1, abs=0.2)
     assert setup.stopped()

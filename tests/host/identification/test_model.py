@@ -87,5 +87,5 @@ def test_lanes_and_segments_do_not_mix(layout: Layout) -> None:
 
 
 def test_uneven_wheels_are_refused() -> None:
-    with pytest.raises(IdentificationError, match="spread evenly"):
+    with pytest.raises(IdentificationError, match="spaced evenly"):
         Layout(0.05, 0.2, np.radians([0.0, 90.0, 240.0]))

@@ -56,7 +56,7 @@ def test_wrapping_makes_a_pure_integrator_look_damped(rate_rad_s: float) -> None
 
 def test_what_the_equation_cannot_take_is_refused() -> None:
     states, u = np.zeros((10, 3)), np.zeros((10, 4))
-    with pytest.raises(IdentificationError, match="no full rank"):
+    with pytest.raises(IdentificationError, match="rank-deficient"):
         least_squares(states, states, u)
     with pytest.raises(IdentificationError, match="four-wheel"):
         least_squares(states, states, u[:, :3])

@@ -73,7 +73,7 @@ def test_logs_that_will_not_do_are_refused(tmp_path: Path, parameters: dict[str,
     assert "identify live" in caught.value.hint
     noise = tmp_path / "noise.tlog"
     noise.write_bytes(b"no log at all" * 20)
-    with pytest.raises(DatasetError, match="no telemetry log"):
+    with pytest.raises(DatasetError, match="not a telemetry log"):
         read_dataset(noise, parameters)
     with pytest.raises(DatasetError, match="No such file"):
         read_dataset(tmp_path / "absent.tlog", parameters)

@@ -97,7 +97,7 @@ def test_what_the_logs_lack_is_named(runs: list[WheelLog], robot: Robot) -> None
         fit_motor_curve([replace(runs[0], duty=np.zeros_like(runs[0].duty))])
     with pytest.raises(LogError, match="at least 2"):
         identify_from_logs(runs[:1], robot)
-    with pytest.raises(LogError, match="one name"):
+    with pytest.raises(LogError, match="duplicate run names"):
         identify_from_logs([runs[0], runs[0]], robot)
 
 

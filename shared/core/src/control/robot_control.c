@@ -169,8 +169,8 @@ void omni_robot_control_reset(omni_control_state_t *control) {
     control->tracking = false;
 }
 
-static void actuate(omni_control_state_t *control, const omni_robot_config_t *c, const omni_inputs_t *inputs,
-                    const omni_estimate_t *estimate, const omni_target_t *target, omni_actuation_t *actuation) {
+static void actuate_demand(omni_control_state_t *control, const omni_robot_config_t *c, const omni_inputs_t *inputs,
+                           const omni_estimate_t *estimate, const omni_target_t *target, omni_actuation_t *actuation) {
     switch (control->last_actuation_mode) {
     case OMNI_DEMAND_DUTY:
         actuate_duties(c, inputs->setpoint.duty, actuation);
@@ -200,7 +200,7 @@ void omni_robot_control(omni_control_state_t *control, const omni_robot_config_t
         if (target->position_loop) {
             step_controller(control, config, estimate, target, applied->saturated);
         }
-        actuate(control, config, inputs, estimate, target, actuation);
+        actuate_demand(control, config, inputs, estimate, target, actuation);
         if (target->excitation != NULL && target->excitation->plan.place == OMNI_EXCITATION_VOLTAGE) {
             omni_add_wheel_excitation(target->excitation, config->kinematics.wheels, 1.0f / estimate->supply_V,
                                       config->wheel_speed.duty_limit, actuation->duty);

@@ -15,7 +15,7 @@ static const omni_real_t TRUSTED_TICKS_WITHOUT_COUNT = 3.0f;
 static const omni_real_t MAX_TICKS_WITHOUT_COUNT = 1000.0f;
 
 /* exp(-x) for x >= 0 by scaling and squaring. */
-static omni_real_t decay(omni_real_t x) {
+static omni_real_t exponential_decay(omni_real_t x) {
     enum { SQUARINGS = 10 };
     if (!(x < MAX_DECAY_EXPONENT)) {
         return 0.0f;
@@ -40,7 +40,7 @@ void omni_current_configure(omni_current_config_t *config, omni_real_t limit_A, 
     config->constant_V_s = constant_V_s;
     config->conductance_S = 1.0f / resistance_ohm;
     config->one_count_rad_s = rad_per_count / step_s;
-    config->current_decay = decay(resistance_ohm / inductance_H * step_s);
+    config->current_decay = exponential_decay(resistance_ohm / inductance_H * step_s);
     config->heat_gain = x * (1.0f - x * (0.5f - x * (1.0f / 6.0f)));
     config->inverse_continuous_A2 = continuous_A > 0.0f ? 1.0f / (continuous_A * continuous_A) : 0.0f;
 }
