@@ -75,12 +75,8 @@ def _refusal(model: DriveModel, twist: Twist, bound: Bound, body: Array) -> Limi
     motors = motor_speed(model, body) * unit[1]
     also = f" with {twist.wz:g} rad/s" if speed > 0.0 and twist.wz else ""
     limit, reached = _limit_text(model, bound.cause), bound.value * unit[1]
-<<<<<<< HEAD
-    message = f"requested {unit[1]:.3g} {unit[0]}{also}; its limit is {reached:.3g} {unit[0]} of that: {limit}"
-    refusal = partial(LimitError, limit=bound.cause, asked=unit[1], possible=reached)
-=======
     message = f"requested {unit[1]:.3g} {unit[0]}{also}; its limit is {reached:.3g} {unit[0]}: {limit}"
->>>>>>> h-fix
+    refusal = partial(LimitError, limit=bound.cause, asked=unit[1], possible=reached)
     if bound.cause == MOTORS:
         return refusal(message, hint="reduce the setpoint; `omni robots check` shows the robot's limits")
     needed = _needed(model, bound.cause, twist, body)

@@ -77,11 +77,7 @@ def test_a_stop_of_another_station_ends_the_check_of_the_button(make_bench: Make
 def test_a_stop_while_the_button_is_let_go_is_not_released_with_the_buttons(make_bench: MakeBench) -> None:
     bench, stop = with_stranger(make_bench)
     bench.presses = True
-<<<<<<< HEAD
     show = bench.show
-=======
-    tell = bench.show
->>>>>>> h-fix
 
     def told(text: str) -> None:
         if text.startswith("Release the stop button"):
