@@ -258,7 +258,7 @@ def iterate_messages(reader: TlogReader) -> Iterator[Message]:
     except OSError as error:
         raise DatasetError(f"{reader.path}: {error.strerror}", hint="give a .tlog file") from error
     if not reader.frames:
-        raise DatasetError(f"{reader.path} is no telemetry log: there is no MAVLink frame in it", hint=NO_LOG_HINT)
+        raise DatasetError(f"{reader.path} is not a telemetry log: it has no MAVLink frame", hint=NO_LOG_HINT)
 
 
 def iterate_part(parts: PartReader, path: Path, part: int) -> Iterator[Message]:

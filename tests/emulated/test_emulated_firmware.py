@@ -130,7 +130,7 @@ def test_a_reset_cause_can_be_given(cause: str, told: str) -> None:
     [
         (["serial:1"], "tcp:HOST:PORT"),
         (["tcp:127.0.0.1"], "HOST:PORT"),
-        (["tcp:127.0.0.1:70000"], "0..65535"),
+        (["tcp:127.0.0.1:70000"], "65535"),
         ([DIRECT], "lockstep"),
         (["pty"] * 5, "1 to 4"),
     ],
@@ -216,6 +216,6 @@ def _lives(pid: int) -> bool:
 def test_a_direct_link_is_opened_once() -> None:
     with EmulatedFirmware(lockstep=True, links=[DIRECT]) as firmware:
         link = firmware.open_link()
-        with pytest.raises(LinkError, match="opened before"):
+        with pytest.raises(LinkError, match="only once"):
             firmware.open_link()
         link.close()

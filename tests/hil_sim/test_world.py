@@ -95,7 +95,7 @@ def test_more_fixes_on_their_way_than_fit_are_refused(make_world: Any) -> None:
 
 
 def test_unknown_override_is_refused(robots: dict[str, Robot]) -> None:
-    with pytest.raises(WorldError, match="mass is no field of the world"):
+    with pytest.raises(WorldError, match="mass .*world.toml"):
         world_config(robots["three_wheel"], mass=3.0)
 
 
@@ -209,7 +209,7 @@ def test_wrong_address_is_not_acknowledged(make_world: Any) -> None:
 )
 def test_unparsable_bytes_change_nothing(make_world: Any, garbage: bytes) -> None:
     world = make_world()
-    with pytest.raises(ValueError, match="no I2C transactions"):
+    with pytest.raises(ValueError, match="I2C transactions"):
         world.i2c(garbage)
     assert world.c.chip.registers[0] == 0x11
     assert list(world.c.in1) == [0.0] * 4

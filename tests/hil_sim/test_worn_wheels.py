@@ -157,12 +157,12 @@ PATCH = FloorPatch((0.0, 1.0), (0.0, 1.0), 0.5)
 @pytest.mark.parametrize(
     ("options", "what"),
     [
-        ({"patches": [PATCH] * 9}, "9 patches are too many; at most 8"),
+        ({"patches": [PATCH] * 9}, "9 patches.* at most 8"),
         ({"patches": [FloorPatch((0.0, 1.0), (0.0, 1.0), 0.0)]}, r"patch.friction\[0\] is 0; allowed: 0.001..10"),
         ({"patches": [FloorPatch((1.0, 0.0), (0.0, 1.0), 1.0)]}, "from, then a larger to"),
         ({"patches": [FloorPatch((0.0, 1.0), (0.0, math.nan), 1.0)]}, "is nan"),
         ({"patches": [FloorPatch((0.0, 0.0), (0.0, 0.0), 1.0, -1.0)]}, r"patch.radius_m\[0\] is -1"),
-        ({"patches": [PATCH], "plant": "slip"}, r"plant slip knows no \[\[patch\]\]"),
+        ({"patches": [PATCH], "plant": "slip"}, r"plant slip .*\[\[patch\]\]"),
         ({"wheel_friction": (1.0, 0.0, 1.0)}, r"wheel_friction\[1\] is 0; allowed: a number from 0.001 to 10"),
         ({"wheel_drag": (1.0, -1.0, 1.0)}, r"wheel_drag\[1\] is -1"),
     ],

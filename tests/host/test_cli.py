@@ -174,7 +174,7 @@ def test_monitor_once(url: str) -> None:
     assert set(status["pose"]) == {"x", "y", "theta"}
     shown = run("monitor", "--once", "--link", url).stdout
     assert all(text in shown for text in ("disarmed", "x [m]", "theta [rad]", "speed [rad/s]", "slip [m/s]"))
-    counted = ("missed: ", "bus errors since the start: ", "frames not understood: ", "lack of room on the link: ")
+    counted = ("missed: ", "bus errors since the start: ", "frames received: ", "link was full: ")
     assert all(words in shown for words in counted), "each number says what it counts, in one line"
     assert "no path" in shown
     assert status["quality"]["verdict"] == "no fixes"

@@ -42,7 +42,7 @@ def test_each_call_gives_its_result_or_the_cause_of_its_end() -> None:
 
 def test_a_call_that_takes_too_long_is_ended() -> None:
     ((number, result),) = call_in_processes(_act, [(3,)], 1, limit_s=1)
-    assert (number, result) == (0, ProcessFailure("it did not end in the processor time that it has"))
+    assert (number, result) == (0, ProcessFailure("it exceeded its limit of processor time"))
 
 
 def _fine(_context: Context) -> list[str]:

@@ -283,5 +283,5 @@ def test_a_simulation_that_does_not_start_is_said(simulated: Program) -> None:
     with connect(socket_url(simulated)) as socket:
         ask(socket, "take_over")
         answer = ask(socket, "simulate", scenario="no such world")
-        assert "no scenario" in answer["error"]
+        assert "no such world" in answer["error"]
     assert simulated.state()["robot"] is not None

@@ -212,7 +212,7 @@ def test_a_server_that_hangs_is_said_and_comes_back(open_page: Opener) -> None:
         finally:
             os.kill(program.process.pid, signal.SIGCONT)
         until(page, "state?.commands === 'this page'")
-        assert "may not have been done" in (page.text_content("#notice") or "")
+        assert "last request" in (page.text_content("#notice") or "")
 
 
 def test_a_page_that_was_busy_for_long_does_not_lose_its_server(page: Page) -> None:

@@ -141,7 +141,7 @@ float correlation_of_xy(const omni_outputs_t &out) {
     return omni_is_finite(ratio) ? omni_clampf(ratio, -1.0f, 1.0f) : 0.0f;
 }
 
-/// Never 0, which means "not supported": a fix used in this tick has an age of 1 us.
+/// Never 0, which MAVLink reads as unsupported: a fix used in this tick has an age of 1 us.
 float fix_age_s(const TickReport &latest) {
     constexpr uint64_t most_us = UINT32_MAX;
     if (latest.fix_us == 0) {

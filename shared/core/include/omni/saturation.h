@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: MIT */
 /**
- * @file saturation.h Saturation of a wheel vector v that keeps its direction: v * min(1, limit / max_i |v_i|) [report
- * eq. 30]. Why: clipping each wheel by itself would change the direction of motion.
+ * @file saturation.h Saturation of a wheel vector v that keeps its direction: v * min(1, limit / max_i |v_i|)
+ * [report eq. 30]. Why: clipping each wheel by itself would change the direction of motion.
  */
 #ifndef OMNI_SATURATION_H
 #define OMNI_SATURATION_H
