@@ -118,7 +118,7 @@ def test_on_ice_sensors_that_lead_at_other_times_are_the_same_in_lanes() -> None
         eight.advance(2000, lanes)
         eight.arm()
         ticks = sum(eight.advance(500, lanes) for _ in range(9))
-    led = [run.robot.estimator.flow.led for run in alone.each]
+    led = [run.robot.estimator.flow.override_count for run in alone.each]
     assert max(led) > min(led) > 0
     assert ticks > 0.9 * 4500
     for number in range(RUNS):
