@@ -33,7 +33,7 @@ needs_linux = pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="p
 
 def poll_backoff(looks: bool = True) -> Any:
     made = ffi.new("omni_poll_backoff_t *")
-    made.looks = looks
+    made.enabled = looks
     return made
 
 
