@@ -127,8 +127,8 @@ def test_a_pose_that_is_set_forgets_how_readings_have_moved_the_one_of_before() 
     run, why = ffi.new("hil_run_t *"), ffi.new("char[]", 160)
     assert lib.hil_run_init(run, ffi.addressof(world, "config"), config, why, len(why)) == lib.HIL_OK
     lib.hil_run_advance(run, 10)
-    taken = run.robot.estimator.flow.taken
-    taken[0], taken[1], taken[2] = 0.3, -0.2, 0.1
+    corrections = run.robot.estimator.flow.accumulated_correction
+    corrections[0], corrections[1], corrections[2] = 0.3, -0.2, 0.1
     run.inputs.pose.x, run.inputs.pose.y, run.inputs.pose.theta = 1.0, 2.0, 0.5
     run.inputs.events |= lib.OMNI_EVENT_SET_POSE
     lib.hil_run_advance(run, 1)

@@ -135,7 +135,7 @@ def test_a_second_client_is_turned_away_and_the_first_goes_on(url: str) -> None:
     with connect(url) as robot:
         with pytest.raises(LinkLostError, match="closed the connection") as caught:
             connect(url)
-        assert "another program" in caught.value.hint
+        assert "one client" in caught.value.hint
         assert robot.parameters.read("WHEELS") == 3.0
 
 
