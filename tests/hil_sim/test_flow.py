@@ -132,7 +132,7 @@ def test_a_pose_that_is_set_forgets_how_readings_have_moved_the_one_of_before() 
     run.inputs.pose.x, run.inputs.pose.y, run.inputs.pose.theta = 1.0, 2.0, 0.5
     run.inputs.events |= lib.OMNI_EVENT_SET_POSE
     lib.hil_run_advance(run, 1)
-    assert list(taken) == [0.0, 0.0, 0.0]
+    assert list(corrections) == [0.0, 0.0, 0.0]
 
 
 ASKEW = tuple(each for each in flow_figures.SETTINGS if each.title.startswith("no fixes, mounted"))

@@ -89,7 +89,7 @@ def test_a_set_that_cannot_take_the_signal_is_refused_before_anything_moves(stan
         (("--size", "4"), "from -3 to 3"),
         (("-e", "wheel-stop"), "wheel-stop"),
         (("-e", "wheel-step", "--only-wheel", "4"), "unknown wheel 4"),
-        (("-e", "position-step", "--size", "0.3"), "cannot be"),
+        (("-e", "position-step", "--size", "0.3"), "0.25"),
     ],
 )
 def test_what_cannot_be_is_refused(stand: None, tmp_path: Path, words: tuple[str, ...], why: str) -> None:
