@@ -69,7 +69,7 @@ def run(lib: ctypes.CDLL, seed: int, level: int) -> Tally:
 @pytest.mark.full
 @pytest.mark.parametrize("level", LEVELS)
 def test_eight_in_lanes_are_bit_for_bit_eight_alone(lib: ctypes.CDLL, level: int) -> None:
-    tally = run(lib, 29, level)  # a scene that arms every controller
+    tally = run(lib, 17, level)  # a scene that arms every controller
     assert tally.wrong == 0
     assert tally.compared > 0.5 * tally.ticks
     assert tally.parted + tally.unequal > 0, "a scene in which nothing goes wrong shows nothing"
