@@ -102,7 +102,7 @@ def test_an_answer_to_an_earlier_question_and_nonsense_are_refused() -> None:
     while person.question is None:
         pass
     assert person.wheel == 1
-    for number, yes, words in ((0, True, "not asked"), (True, True, "not asked"), (1, "yes", "true, false or null")):
+    for number, yes, words in ((0, True, "question"), (True, True, "question"), (1, "yes", "null")):
         with pytest.raises(BadRequestError, match=words):
             person.answer(number, yes)
     person.answer(1, False)
