@@ -133,7 +133,7 @@ def test_noise_takes_the_place_of_a_wire(image: Path) -> None:
 
 
 def test_noise_needs_a_wire(image: Path) -> None:
-    with context(image, "short").booted() as bench, pytest.raises(ValueError, match="no such wire"):
+    with context(image, "short").booted() as bench, pytest.raises(ValueError, match="pin 99"):
         bench.machine.noise(99, 1000)
 
 

@@ -248,7 +248,7 @@ def test_a_server_that_is_gone_is_said_and_found_again(open_page: Opener) -> Non
         until(page, "state?.link.phase === 'none'")
         port = program.url.split(":")[2].strip("/")
         program.end()
-    until(page, "document.getElementById('notice').textContent.includes('server is gone')")
+    until(page, "document.getElementById('notice').textContent.includes('does not respond')")
     with running("studio", "--no-browser", "--port", port):
         until(page, "state?.link.phase === 'none'")
 

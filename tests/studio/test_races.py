@@ -237,7 +237,7 @@ def test_without_a_server_the_page_says_so_once_and_its_windows_do(open_page: Op
         let_live(page, 2000)  # it looks for the server twice a second
         assert page.evaluate("window.said") == 0
         page.click("#choose")
-        until(page, "document.getElementById('connect-trouble').textContent.includes('server is gone')")
+        until(page, "document.getElementById('connect-trouble').textContent.includes('does not respond')")
 
 
 SPECTRA = """async () => {

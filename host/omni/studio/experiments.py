@@ -231,8 +231,8 @@ def prepare() -> None:
 
     for module in ("linalg", "signal", "special"):
         require_scipy(module)
-    for module in ("experiments.folder", "studio.identified", "studio.tuned"):
-        import_module(f"omniwheel.{module}")
+    for module in ("omniwheel.experiments.folder", "omni.studio.identified", "omni.studio.tuned"):
+        import_module(module)
 
 
 class Experiment:
