@@ -332,7 +332,7 @@ def test_while_it_runs_nothing_else_is_done_and_other_pages_watch(simulated: Pro
             ("arm", {}),
             ("world", {"speed": 0.5}),
         ):
-            assert "under way" in ask(socket, action, **content)["error"], action
+            assert "running" in ask(socket, action, **content)["error"], action
         ask(other, "stop")  # from any page
         alive(socket, lambda: not simulated.state()["experiment"]["running"], "it goes on")
         assert simulated.state()["robot"]["state"] == "estop"
@@ -357,7 +357,7 @@ def test_letting_go_of_the_robot_ends_it(tmp_path: Path) -> None:
         until_armed(program, socket)
         assert "error" not in ask(socket, "disconnect")
         wait_until(lambda: not program.state()["experiment"]["running"], "it goes on")
-        assert "let go" in program.state()["experiment"]["trouble"]
+        assert "disconnected" in program.state()["experiment"]["trouble"]
 
 
 def test_a_stop_before_it_has_begun_keeps_it_from_beginning(tmp_path: Path) -> None:
