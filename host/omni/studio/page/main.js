@@ -35,14 +35,14 @@ const ask = (action, content) => {
 
 const socket = new Socket({
   open: () => {
-    say(unfinished ? "The connection to the studio's server is restored. The last request may not have been executed." : "");
+    say(unfinished ? "The studio's server responds again. The last request may not have been executed." : "");
     unfinished = 0;
     runs.refresh();
   },
   lost: (requests) => {
     unfinished += requests;
     show_state(null);
-    say("The studio's server does not respond. This page reconnects when it is running: start omni studio if it has ended.");
+    say("The studio's server does not respond. This page reconnects: start omni studio if it has ended.");
   },
   samples: (found) => plots.samples(found),
   news,
@@ -184,7 +184,7 @@ function quality_in_words({ bytes_per_s, quality: { lost, round_trip_ms, asking,
 }
 
 function fixes_in_words(counts, why, radio) {
-  const missing = "Pose fixes are not shown: this slow link does not carry them by default. Choose a rate under Samples.";
+  const missing = "Pose fixes are not shown: this slow link does not carry them. Choose a rate under Samples.";
   if (!counts) return radio ? missing : "";
   const reason = why ? `, the last because ${why}` : "";
   return `Pose fixes: ${counts.used} used, ${counts.refused} rejected${reason}.`;
