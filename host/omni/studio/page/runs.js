@@ -226,7 +226,7 @@ export class Runs {
     } catch {
       throw { error: "the studio's server does not respond", hint: "" };
     }
-    if (!answer.ok) throw await answer.json().catch(() => ({ error: `rejected by the server (HTTP ${answer.status})` }));
+    if (!answer.ok) throw await answer.json().catch(() => ({ error: `HTTP status ${answer.status}` }));
     return answer;
   }
 
