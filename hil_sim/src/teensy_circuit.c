@@ -5,7 +5,7 @@
 
 enum { BUS_MOTORS, BUS_GYRO, BUS_FLOW };
 
-static bool has_fault(const hil_teensy_circuit_t *circuit, hil_fault_kind_t kind) {
+static bool has_fault(const hil_teensy_circuit_t *circuit, uint8_t kind) {
     return hil_world_fault_active(circuit->world, kind, HIL_MAX_WHEELS);
 }
 

@@ -164,7 +164,7 @@ def test_several_faults_at_once(make_world: Any) -> None:
 
 
 def test_too_many_faults_are_refused(make_world: Any) -> None:
-    with pytest.raises(WorldError, match="17 faults.* at most 16"):
+    with pytest.raises(WorldError, match=r"17 faults.* at most 16"):
         make_world(faults=[Fault("pose_loss", 0.0)] * (MAX_FAULTS + 1))
 
 

@@ -95,7 +95,7 @@ def test_more_fixes_on_their_way_than_fit_are_refused(make_world: Any) -> None:
 
 
 def test_unknown_override_is_refused(robots: dict[str, Robot]) -> None:
-    with pytest.raises(WorldError, match="mass .*world.toml"):
+    with pytest.raises(WorldError, match=r"mass .*world.toml"):
         world_config(robots["three_wheel"], mass=3.0)
 
 

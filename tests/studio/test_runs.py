@@ -241,7 +241,7 @@ def test_a_flood_of_questions_is_refused_and_an_end_waits_for_none_of_them() -> 
     first = worker.ask(signal.pause)
     for _ in range(MOST_WAITING - 1):
         worker.ask(math.sqrt, 1.0)
-    with pytest.raises(LogError, match="too much"):
+    with pytest.raises(LogError, match="too many"):
         worker.ask(math.sqrt, 1.0)
     worker.close()
     with pytest.raises(OmniError):

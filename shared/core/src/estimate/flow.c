@@ -43,7 +43,7 @@ static bool has_same_flow_config(const omni_flow_config_t *a, const omni_flow_co
 
 /* A new or reconfigured sensor must qualify again. */
 static void restart_flow_if_reconfigured(omni_flow_state_t *state, const omni_flow_config_t *config,
-                                    const omni_flow_tick_t *tick) {
+                                         const omni_flow_tick_t *tick) {
     const bool paused = tick->time_us > state->time_us && tick->time_us - state->time_us > flow_restart_gap_us;
     if (paused || !has_same_flow_config(&state->config, config)) {
         memset(state, 0, sizeof *state);

@@ -19,8 +19,8 @@ static const uint64_t restart_gap_us = 100000; /* a longer gap between ticks: th
 
 /* Restart for a new or reconfigured gyro. */
 static void restart_gyro_if_reconfigured(omni_gyro_state_t *state, const omni_gyro_config_t *config,
-                                    const omni_gyro_tick_t *tick, omni_pose_ekf_state_t *ekf,
-                                    const omni_pose_ekf_config_t *ekf_config) {
+                                         const omni_gyro_tick_t *tick, omni_pose_ekf_state_t *ekf,
+                                         const omni_pose_ekf_config_t *ekf_config) {
     const bool paused = tick->time_us > state->time_us && tick->time_us - state->time_us > restart_gap_us;
     if (paused || state->axis != config->axis || state->scale != config->scale) {
         memset(state, 0, sizeof *state);
