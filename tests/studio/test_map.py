@@ -42,7 +42,7 @@ def test_fixes_that_the_robot_uses_are_marked_where_they_are(page: Page) -> None
     spread = [math.hypot(mark["x"] - x, mark["y"] - y) for mark in used]
     assert 0.0 < max(spread) < 0.05, "around the robot, each with its own noise"
     assert len({(mark["x"], mark["y"]) for mark in used}) > 10
-    assert "0 refused" in (page.text_content("#fix-text") or "")
+    assert "0 rejected" in (page.text_content("#fix-text") or "")
     assert re.match(r"pose ±\S+ mm, ±\S+° \(95 %\)$", page.text_content("#quality-text") or "")
     assert page.text_content("#quality-advice") == ""
 

@@ -115,7 +115,7 @@ def test_a_log_from_elsewhere_is_opened_and_a_broken_one_is_said(page: Page, fol
     until(page, "studio.runs.shown[0]?.startsWith('file:')")
     until(page, f"{WHOLE}.length > 100")
     page.set_input_files("#run-file", {"name": "no.tlog", "mimeType": "", "buffer": b"what is this?" * 1000})
-    until(page, "document.getElementById('notice').textContent.includes('no telemetry log')")
+    until(page, "document.getElementById('notice').textContent.includes('2.tlog')")
     assert page.evaluate(f"{WHOLE}.length") > 100  # what was open still is
     hole = log[:5000] + b"\0" * 500 + log[5500:]
     page.set_input_files("#run-file", {"name": "hole.tlog", "mimeType": "", "buffer": hole})

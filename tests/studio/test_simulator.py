@@ -146,7 +146,7 @@ def test_a_robot_that_is_not_the_studios_own_has_no_simulator(tmp_path: Path, op
         assert page.is_hidden("#simulator")
         with connect(socket_url(program)) as socket:
             ask(socket, "take_over")
-            assert "not simulated here" in ask(socket, "world", mend=True)["error"]
+            assert "not simulated" in ask(socket, "world", mend=True)["error"]
 
 
 BAD: list[dict[str, Any]] = [
