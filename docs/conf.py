@@ -26,7 +26,9 @@ nitpicky = True
 nitpick_ignore_regex = [
     ("c:identifier", r"(?!omni_).*"),
     ("py:.*", r"(?!omniwheel\.).*"),
-    ("py:.*", r"omniwheel\.(capability|dialect|connection|drawn_path|growing_file|link|robot|simulation|telemetry_record)\b.*"),  # inner parts, and pymavlink's
+    # Inner parts, and pymavlink's.
+    ("py:.*", r"omniwheel\.(capability|dialect|connection|drawn_path|growing_file|link)\b.*"),
+    ("py:.*", r"omniwheel\.(robot|simulation|telemetry_record)\b.*"),
     ("py:class", r"omniwheel\.telemetry(_parts)?\.TelemetryT"),  # a type variable
 ]
 

@@ -28,9 +28,9 @@ static void make_state(void) {
     ANYTHING(robot);
     robot.config = &config;
     robot.reference_generator.trajectory = NULL;
-    robot.estimator.pose_ekf.newest = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
-    robot.estimator.pose_ekf.filled = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
-    robot.estimator.pose_ekf.slot_tick = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
+    robot.estimator.pose_ekf.open_slot = (uint16_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
+    robot.estimator.pose_ekf.complete_slots = (uint8_t)Frama_C_interval(0, OMNI_EKF_HISTORY - 1);
+    robot.estimator.pose_ekf.slot_ticks = (uint8_t)Frama_C_interval(0, OMNI_EKF_SLOT_TICKS - 1);
     robot.supervisor.state = (omni_safety_state_t)Frama_C_interval(0, OMNI_STATE_COUNT - 1);
     robot.control.tracking = any_bool();
     const int last_tick = config.original.period_ticks - 1;
@@ -54,27 +54,27 @@ static void make_state(void) {
     robot.supervisor.current.overheated = any_bool();
     omni_gyro_state_t *gyro = &robot.estimator.gyro;
     gyro->ready = any_bool();
-    gyro->trouble = any_bool();
+    gyro->faulty = any_bool();
     gyro->rejected = any_bool();
-    gyro->turn.leads = any_bool();
-    gyro->turn.rest = any_bool();
-    robot.estimator.flow.trouble = any_bool();
-    robot.estimator.flow.frozen = any_bool();
-    robot.estimator.flow.silent = any_bool();
-    robot.estimator.flow.trusted = any_bool();
-    robot.estimator.flow.knows = any_bool();
-    robot.estimator.flow.askew = any_bool();
-    robot.estimator.flow.right = any_bool();
-    robot.estimator.flow.odd = any_bool();
-    robot.estimator.flow.tells = any_bool();
-    robot.estimator.flow.leads = any_bool();
+    gyro->turn.overrides_wheels = any_bool();
+    gyro->turn.at_rest = any_bool();
+    robot.estimator.flow.faulty = any_bool();
+    robot.estimator.flow.stuck = any_bool();
+    robot.estimator.flow.timed_out = any_bool();
+    robot.estimator.flow.qualified = any_bool();
+    robot.estimator.flow.direction_known = any_bool();
+    robot.estimator.flow.misaligned = any_bool();
+    robot.estimator.flow.alignment_verified = any_bool();
+    robot.estimator.flow.misalignment_suspected = any_bool();
+    robot.estimator.flow.informative = any_bool();
+    robot.estimator.flow.overriding = any_bool();
 }
 
 /* What make_state takes for granted holds again. */
 static void check_state(void) {
-    /*@ check newest: robot.estimator.pose_ekf.newest < OMNI_EKF_HISTORY; */
-    /*@ check filled: robot.estimator.pose_ekf.filled < OMNI_EKF_HISTORY; */
-    /*@ check slot_tick: robot.estimator.pose_ekf.slot_tick < OMNI_EKF_SLOT_TICKS; */
+    /*@ check open_slot: robot.estimator.pose_ekf.open_slot < OMNI_EKF_HISTORY; */
+    /*@ check complete_slots: robot.estimator.pose_ekf.complete_slots < OMNI_EKF_HISTORY; */
+    /*@ check slot_ticks: robot.estimator.pose_ekf.slot_ticks < OMNI_EKF_SLOT_TICKS; */
     /*@ check window: robot.control.original.next < OMNI_ORIGINAL_WINDOW; */
     /*@ check original_tick: robot.control.original.tick < config.original.period_ticks; */
     /*@ check robot_state: robot.supervisor.state < OMNI_STATE_COUNT; */
