@@ -28,7 +28,7 @@ nitpick_ignore_regex = [
     ("py:.*", r"(?!omniwheel\.).*"),
     # Inner parts, and pymavlink's.
     ("py:.*", r"omniwheel\.(capability|dialect|connection|drawn_path|growing_file|link)\b.*"),
-    ("py:.*", r"omniwheel\.(robot|simulation|telemetry_record)\b.*"),
+    ("py:.*", r"omniwheel\.(robot|simulation|sync|telemetry_record)\b.*"),
     ("py:class", r"omniwheel\.telemetry(_parts)?\.TelemetryT"),  # a type variable
 ]
 

@@ -67,9 +67,7 @@ def test_the_page_has_a_line_for_the_sensor_that_the_robot_has(sensing: tuple[Pr
     page = open_page(program.url)
     until(page, "robot?.sensors.length === 1")
     has, has_not = ("gyro", "floor") if scenario == "gyro" else ("floor", "gyro")
-    words = (
-        r"/^gyro: used, bias [+-]0\.\d{5} rad\/s, sd 0\.\d{5}$/" if has == "gyro" else "/^floor odometry: used 0, /"
-    )
+    words = r"/^gyro: used, bias [+-]0\.\d{5} rad\/s, sd 0\.\d{5}$/" if has == "gyro" else "/^floor odometry: used 0, /"
     text(page, f"{has}-text", words)
     hidden(page, f"{has}-advice", f"{has_not}-text", f"{has_not}-advice")
     keys = signals(page)
