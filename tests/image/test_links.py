@@ -136,7 +136,7 @@ def test_a_board_that_restarts_hangs_up_and_comes_back(image: Path) -> None:
 
 @pytest.mark.parametrize(
     ("content", "said"),
-    [(None, "cannot read the firmware image"), (b"\x7fELF and no more", "is no image"), (b"hello", "Intel hex")],
+    [(None, "cannot read the firmware image"), (b"\x7fELF and no more", "is not an image"), (b"hello", "Intel hex")],
 )
 def test_a_file_that_is_no_image_is_refused_with_a_hint(tmp_path: Path, content: bytes | None, said: str) -> None:
     path = tmp_path / "firmware.elf"
