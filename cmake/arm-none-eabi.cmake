@@ -9,4 +9,4 @@ set(cpu "-mcpu=cortex-m7 -mthumb -mfpu=fpv5-d16 -mfloat-abi=hard -ffunction-sect
 set(CMAKE_C_FLAGS_INIT "${cpu}")
 set(CMAKE_CXX_FLAGS_INIT "${cpu} -fno-exceptions -fno-rtti -fno-threadsafe-statics -fno-use-cxa-atexit")
 set(CMAKE_EXE_LINKER_FLAGS_INIT
-    "-nostartfiles -T ${CMAKE_CURRENT_LIST_DIR}/../firmware/boards/mps2_an500/base/an500.ld -Wl,--gc-sections -Wl,--fatal-warnings")
+    "-nostartfiles -T \"${CMAKE_CURRENT_LIST_DIR}/../firmware/boards/mps2_an500/base/an500.ld\" -Wl,--gc-sections -Wl,--fatal-warnings")
