@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: MIT
 from __future__ import annotations
 
-import importlib.util
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
@@ -12,7 +10,7 @@ import pytest
 
 from hil_sim.world import IDEAL_WHEELS, NO_POSE_SENSOR, World, world_config
 from omni_schema import Robot, load_parameters, load_robot
-from omniwheel.paths import dialect_dir
+from tests.firmware.client import load_dialect
 from tests.hil_sim.echo_robot import Bench
 
 SHARED = Path(__file__).parents[2] / "shared"
@@ -46,13 +44,7 @@ def make_world(robots: dict[str, Robot]) -> WorldMaker:
 @pytest.fixture(scope="session")
 def dialect() -> ModuleType:
     """The generated dialect, loaded from its file."""
-    spec = importlib.util.spec_from_file_location("omni_dialect", dialect_dir() / "omni.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["omni_dialect"] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_dialect()
 
 
 @pytest.fixture(params=["looks", "asleep"])
