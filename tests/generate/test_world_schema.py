@@ -72,7 +72,7 @@ def test_what_it_decides_is_one_number_for_all_runs() -> None:
         (with_number(default=[1.0, 1.0, 1.0]), ("numbers.length_m.default", "one number")),
         (with_number(elements=["x", "y"]), ("numbers.length_m.elements", "three names")),
         (with_number(each="motor"), ("numbers.length_m.each", "wheel")),
-        (with_number(fixed=1), ("numbers.length_m.fixed", "true and false")),
+        (with_number(fixed=1), ("numbers.length_m.fixed", "true or false")),
         ({**SMALL, "numbers": {"a_m": {**NUMBER, "default": None}}}, ("numbers.a_m.default", "no robot_key")),
         ({**SMALL, "faults": {"broken": {"doc": "x", "value": {"unit": "s"}}}}, ("faults.broken.value.min", "missing")),
     ],

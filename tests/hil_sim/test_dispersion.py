@@ -143,7 +143,7 @@ def test_extends_merges_tables(tmp_path: Path) -> None:
         ("mass_kg", {"uniform": [1.0]}, "low, high"),
         ("mass_kg", {"uniform": [0.2, 0.1]}, "below the second"),
         ("mass_kg", {"normal": 0.1, "relativ": True}, "relativ"),
-        ("mass_kg", {"normal": 0.1, "relative": 1}, "true and false"),
+        ("mass_kg", {"normal": 0.1, "relative": 1}, "mass_kg.relative"),
     ],
 )
 def test_mistakes_are_named(name: str, entry: object, message: str) -> None:

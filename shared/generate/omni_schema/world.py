@@ -249,7 +249,7 @@ def _elements(source: str, key: str, value: object) -> tuple[str, ...]:
 
 def _flag(source: str, key: str, value: object) -> bool:
     if not isinstance(value, bool):
-        raise SchemaError(source, key, f"is {value!r}; allowed are true and false")
+        raise SchemaError(source, key, f"is {value!r}; must be true or false")
     return value
 
 
