@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import settings
 
-from tests import needs, tiers
+from tests import needs, passed, tiers
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("search", max_examples=3000, deadline=None)
@@ -29,6 +29,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     tiers.add_options(parser)
+    passed.add_option(parser)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -41,6 +42,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     tiers.select(config, items)
+    passed.leave_out(config, items)
 
 
 @pytest.hookimpl(hookwrapper=True)
@@ -54,7 +56,8 @@ def pytest_runtest_setup(item: pytest.Item) -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say what was not tested here, and what to install."""
+    """Say what was not tested here, and what to install; keep what passed."""
+    passed.record(terminalreporter.stats.get("passed", []))
     if lines := needs.Skips.of(terminalreporter.stats.get("skipped", [])).table():
         terminalreporter.section("not tested here")
         for line in lines:
