@@ -165,6 +165,15 @@ class Run:
             self._show(outcome)
         self._running.clear()
 
+    def ends_of_failed(self, lines: int = 12) -> list[str]:
+        """Return the last lines of each step that failed: its whole log is far above by then."""
+        shown = []
+        for outcome in self.outcomes.values():
+            if outcome.passed is False:
+                log = (self.logs / f"{outcome.step.name}.log").read_text(encoding="utf-8", errors="replace")
+                shown += [f"== {outcome.step.name} ended so", *log.splitlines()[-lines:]]
+        return shown
+
     def table(self) -> list[str]:
         """Return a line per step, the longest first."""
         lines = [f"{'seconds':>8} {'CPU':>7}  step"]
@@ -187,7 +196,8 @@ def main(words: Sequence[str] | None = None) -> int:
     run = Run([step for step in STEPS if not options.names or step.name in options.names], options.limit)
     begin = time.monotonic()
     passed = run.all_passed()
-    print(f"== CI {'passed' if passed else 'FAILED'} in {time.monotonic() - begin:.0f} s", *run.table(), sep="\n")
+    word = "passed" if passed else "FAILED"
+    print(*run.ends_of_failed(), f"== CI {word} in {time.monotonic() - begin:.0f} s", *run.table(), sep="\n")
     return 0 if passed else 1
 
 

@@ -30,6 +30,7 @@ def test_a_failure_stops_what_comes_after_it_and_nothing_else(tmp_path: Path) ->
         "bad": False, "then": None, "last": None, "other": True,
     }  # fmt: skip
     assert (tmp_path / "bad.log").read_text() == "words\n"
+    assert found.ends_of_failed()[1:] == ["words"]
 
 
 def test_at_the_limit_all_processes_of_a_step_are_ended(tmp_path: Path) -> None:
