@@ -218,12 +218,11 @@ def test_counts_that_flicker_while_the_robot_stands_are_no_way() -> None:
 
 
 @pytest.mark.parametrize("change", ["set anew", "switched off"])
-@pytest.mark.parametrize("late", [40, 80, 200])
-@pytest.mark.parametrize("before", [3, 20, 60])
+@pytest.mark.parametrize(
+    ("before", "late"), [(before, late) for late in (40, 80, 200) for before in (3, 20, 60) if before <= late]
+)
 def test_a_change_on_the_way_leaves_the_covariance_one(change: str, late: int, before: int) -> None:
     """Late fixes come from before the change, when readings had measured the noise of the wheels' motion."""
-    if before > late:
-        pytest.skip("the fix would be from after the change")
     core, sd, x, poses, off = Core(), 1e-3, 0.0, [0.0], False
     core.config.r_xy, core.config.r_theta, core.config.gate = sd**2, sd**2, 30.0
     rng = np.random.default_rng(1)

@@ -29,7 +29,7 @@ def _runs_here(level: str) -> bool:
 def lib(request: pytest.FixtureRequest) -> ctypes.CDLL:
     level = request.param
     if not _runs_here(level):
-        pytest.skip(f"this processor is no {level}")
+        pytest.skip(f"the processor lacks the instructions of lanes level {level}")
     flags = ["-Wno-psabi", "-Wno-float-equal", "-fno-math-errno", f"-DOMNI_LANES_LEVEL={level}"]
     flags += FLAGS[level]
     flags += ["-Wno-uninitialized"] if FLAGS[level] == AVX512 else []  # gcc warns of its own header
