@@ -31,6 +31,29 @@ def test_a_pose_far_away_is_approached_with_the_acceleration_limit_fed_forward()
     assert (out.reference.rate.vx - first) / (TICK_US * 1e-6) == pytest.approx(limit, rel=1e-2)
 
 
+@pytest.mark.parametrize("limits", [{}, {"LIM_A": 0.4}, {"LIM_A": 2.0, "LIM_V": 1.4, "LIM_WHEEL": 60.0}])
+@pytest.mark.parametrize("goal", [(1.0, 0.0, 0.0), (0.4, -0.9, 2.0), (0.0, 0.0, 3.0)])
+def test_a_pose_is_reached_with_the_acceleration_limit_and_never_passed(
+    limits: dict[str, float], goal: tuple[float, float, float]
+) -> None:
+    bench = Bench("fast_three_wheel", **limits)
+    bench.arm()
+    limit = bench.config.limits.acceleration_m_s2
+    way = math.hypot(goal[0], goal[1])
+    passed, turned_past, largest = 0.0, 0.0, 0.0
+    for _ in range(1200):
+        bench.command(lib.OMNI_SETPOINT_POSE, pose=goal)
+        reference = bench.tick(count=10).reference
+        along = reference.pose.x * goal[0] + reference.pose.y * goal[1]
+        passed = max(passed, along / way - way if way else 0.0)
+        turned_past = max(turned_past, reference.pose.theta - goal[2])
+        largest = max(largest, math.hypot(reference.acceleration.vx, reference.acceleration.vy))
+    assert passed < 5e-4
+    assert turned_past < 2e-3
+    assert largest <= limit * 1.001
+    assert (reference.pose.x, reference.pose.y, reference.pose.theta) == pytest.approx(goal, abs=1e-3)
+
+
 @pytest.mark.parametrize("kind", ["POSE", "VELOCITY_BODY"])
 def test_a_demand_beyond_the_limits_keeps_its_direction(kind: str) -> None:
     bench = turned(0.0)

@@ -32,6 +32,28 @@ def test_a_velocity_stream_that_ends_at_rest_holds_the_pose(kind: str) -> None:
     assert bench.tick(count=200).setpoint_kind == getattr(lib, kind)
 
 
+def test_a_pose_stream_that_ends_at_its_pose_holds_it() -> None:
+    goal = (0.05, -0.02, 0.3)
+    bench = Bench(SAFE_CMD_TO=0.3)
+    bench.arm()
+    for _ in range(300):
+        bench.command(lib.OMNI_SETPOINT_POSE, pose=goal)
+        bench.tick(count=10)
+    out = bench.tick(count=5000)
+    assert out.state == lib.OMNI_STATE_ARMED
+    assert out.fault_history & lib.OMNI_FAULT_COMMAND_LOSS == 0
+    assert (out.reference.pose.x, out.reference.pose.y, out.reference.pose.theta) == pytest.approx(goal, abs=1e-4)
+
+
+@pytest.mark.parametrize("twist", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)])
+def test_a_pose_stream_that_ends_on_the_way_is_lost(twist: tuple[float, float, float]) -> None:
+    bench = Bench(SAFE_CMD_TO=0.3)
+    bench.arm()
+    moving = any(twist)
+    bench.command(lib.OMNI_SETPOINT_POSE, pose=(0.0 if moving else 0.5, 0, 0), twist=twist)
+    assert bench.tick(count=301).state == lib.OMNI_STATE_FAILSAFE
+
+
 def test_duties_that_end_at_zero_are_not_lost() -> None:
     bench = Bench(SAFE_CMD_TO=0.3)
     bench.arm()

@@ -125,12 +125,25 @@ def check_pose(pose: Pose, position_limit_m: float) -> None:
 
 
 def travel_time_s(model: DriveModel, here: Pose, there: Pose, share: float) -> float:
-    """Return about how long the robot takes to a pose: it drives at ``share`` of LIM_WHEEL (TRJ_MARGIN) at most."""
+    """Return about how long the robot takes to a pose: it drives at ``share`` of LIM_WHEEL (TRJ_MARGIN) at most.
+
+    It gains and loses its speed with LIM_A, and its rate of turn with LIM_A divided by the wheels' distance.
+    """
     way = math.hypot(there.x - here.x, there.y - here.y)
     turn = abs(math.remainder(there.theta - here.theta, math.tau))
     speeds = [_slowest(speed_bounds(model, along), share) for along in directions(_DIRECTIONS)]
     turning = _slowest(speed_bounds(model, TURNING), share)
-    return way / min(speeds) + turn / turning + SETTLING_S
+    acceleration = model.acceleration_limit_m_s2
+    lever_arm_m = float(np.abs(model.rows[:, 2]).max())
+    turning_acceleration = acceleration / lever_arm_m if lever_arm_m > 0.0 else acceleration
+    return _ramped_s(way, min(speeds), acceleration) + _ramped_s(turn, turning, turning_acceleration) + SETTLING_S
+
+
+def _ramped_s(way: float, speed: float, acceleration: float) -> float:
+    """Return how long a way takes from rest to rest, at most with a speed and an acceleration."""
+    if way < speed * speed / acceleration:
+        return 2.0 * math.sqrt(way / acceleration)
+    return way / speed + speed / acceleration
 
 
 def _slowest(bounds: Sequence[Bound], share: float) -> float:

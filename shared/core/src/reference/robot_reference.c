@@ -3,7 +3,7 @@
 #include "../model/kinematics_inline.h"
 #include "omni/saturation.h"
 
-/* Rate at which the reference approaches a pose setpoint, 1/s. */
+/* Largest rate at which the reference approaches a pose setpoint, 1/s: near it the speed is this times the distance. */
 static const omni_real_t POSE_APPROACH_RATE = 3.0f;
 
 /* Limit a body twist to the speed limits and to `share` of the wheel speed limit by one factor. Reported in `target`.
@@ -38,13 +38,25 @@ static omni_twist_t approach_twist(omni_twist_t from, omni_twist_t to, omni_real
     return from;
 }
 
+/* Speed per distance, 1/s, that comes to rest at distance 0 with at most `acceleration`. Proportional near the setpoint,
+ * where the deceleration is the rate times the speed; further away v^2 = 2 a (d - d0 / 2), which meets it at d0. */
+static omni_real_t approach_rate(omni_real_t distance, omni_real_t acceleration) {
+    const omni_real_t proportional = acceleration / (POSE_APPROACH_RATE * POSE_APPROACH_RATE);
+    const omni_real_t d = omni_select(distance > proportional, distance, proportional);
+    return omni_sqrtf(acceleration * (2.0f * d - proportional)) / d;
+}
+
+/* Yaw acceleration limit, rad/s^2: the rim accelerates like the centre. */
+static omni_real_t turn_acceleration(const omni_robot_config_t *c) {
+    const omni_real_t lever_arm_m = omni_lever_arm_m(&c->kinematics);
+    return c->limits.acceleration_m_s2 / (lever_arm_m > 0.0f ? lever_arm_m : 1.0f);
+}
+
 /* Ramp `reference_rate` towards the demand within LIM_A. @return the acceleration. */
 static omni_twist_t ramp_velocity(omni_reference_generator_t *generator, const omni_robot_config_t *c,
                                   omni_twist_t demand) {
     const omni_real_t step = c->limits.acceleration_m_s2 * c->step_s;
-    /* The rim accelerates like the centre: wz' = a / l. */
-    const omni_real_t lever_arm_m = omni_lever_arm_m(&c->kinematics);
-    const omni_real_t turn_step = step / (lever_arm_m > 0.0f ? lever_arm_m : 1.0f);
+    const omni_real_t turn_step = turn_acceleration(c) * c->step_s;
     const omni_twist_t before = generator->reference_rate;
     generator->reference_rate = approach_twist(before, demand, step, turn_step);
     const omni_real_t rate = 1.0f / c->step_s;
@@ -72,9 +84,12 @@ static void approach_pose_setpoint(omni_reference_generator_t *generator, const 
     const omni_real_t dx = setpoint->pose.x + setpoint->twist.vx * age - pose->x;
     const omni_real_t dy = setpoint->pose.y + setpoint->twist.vy * age - pose->y;
     const omni_real_t dtheta = omni_wrap_pi(setpoint->pose.theta + setpoint->twist.wz * age - pose->theta);
-    const omni_twist_t wanted = {setpoint->twist.vx + POSE_APPROACH_RATE * dx,
-                                 setpoint->twist.vy + POSE_APPROACH_RATE * dy,
-                                 setpoint->twist.wz + POSE_APPROACH_RATE * dtheta};
+    /* One rate for all three, so that way and turn end together. */
+    const omni_real_t of_way = approach_rate(omni_sqrtf(dx * dx + dy * dy), c->limits.acceleration_m_s2);
+    const omni_real_t of_turn = approach_rate(omni_absf(dtheta), turn_acceleration(c));
+    const omni_real_t rate = omni_select(of_way < of_turn, of_way, of_turn);
+    const omni_twist_t wanted = {setpoint->twist.vx + rate * dx, setpoint->twist.vy + rate * dy,
+                                 setpoint->twist.wz + rate * dtheta};
     const omni_rotation_t heading = omni_rotation(pose->theta);
     const omni_twist_t body = omni_rotate_to_body(&wanted, &heading);
     const omni_twist_t limited = limit_twist(c, body, c->limits.wheel_speed_fraction, target);

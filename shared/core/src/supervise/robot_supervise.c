@@ -135,13 +135,26 @@ static bool is_streamed(uint8_t kind) {
            kind == OMNI_SETPOINT_DUTY;
 }
 
-/* A stream that ends at rest: velocity or duties of zero. Only a setpoint that moves can be lost. */
-static bool asks_for_rest(const omni_setpoint_t *setpoint) {
+/* Distance of the reference from a pose setpoint at which the drive to it has ended. */
+static const omni_real_t ARRIVED_M = 0.005f;
+static const omni_real_t ARRIVED_RAD = 0.02f;
+
+static bool is_at_setpoint(const omni_pose_t *reference, const omni_pose_t *setpoint) {
+    return omni_absf(setpoint->x - reference->x) < ARRIVED_M && omni_absf(setpoint->y - reference->y) < ARRIVED_M &&
+           omni_absf(omni_wrap_pi(setpoint->theta - reference->theta)) < ARRIVED_RAD;
+}
+
+/* A stream that ends at rest: velocity or duties of zero, or a pose that stands still and that the reference has
+ * reached. Only a setpoint that moves the robot can be lost. */
+static bool asks_for_rest(const omni_setpoint_t *setpoint, const omni_pose_t *reference) {
     const omni_twist_t *twist = &setpoint->twist;
+    const bool still = omni_absf(twist->vx) + omni_absf(twist->vy) + omni_absf(twist->wz) <= 0.0f;
     switch (setpoint->kind) {
+    case OMNI_SETPOINT_POSE:
+        return still && is_at_setpoint(reference, &setpoint->pose);
     case OMNI_SETPOINT_VELOCITY_BODY:
     case OMNI_SETPOINT_VELOCITY_WORLD:
-        return omni_absf(twist->vx) + omni_absf(twist->vy) + omni_absf(twist->wz) <= 0.0f;
+        return still;
     case OMNI_SETPOINT_DUTY: {
         omni_real_t sum = 0.0f;
         for (uint32_t i = 0; i < OMNI_MAX_WHEELS; i++) {
@@ -157,7 +170,7 @@ static bool asks_for_rest(const omni_setpoint_t *setpoint) {
 /* Select the setpoint. A streamed one that has timed out since arming is a fault unless it asks for rest; one from
  * before arming is ignored. */
 static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const omni_limits_t *limits,
-                                      const omni_inputs_t *inputs, uint8_t *kind) {
+                                      const omni_inputs_t *inputs, const omni_pose_t *reference, uint8_t *kind) {
     const omni_setpoint_t *setpoint = &inputs->setpoint;
     *kind = OMNI_SETPOINT_NONE;
     if (!setpoint_is_finite(setpoint) || setpoint->kind > OMNI_SETPOINT_DUTY) {
@@ -168,7 +181,7 @@ static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const
         if (supervisor->state != OMNI_STATE_ARMED || setpoint->time_us < supervisor->armed_since_us) {
             return 0;
         }
-        if (!asks_for_rest(setpoint)) {
+        if (!asks_for_rest(setpoint, reference)) {
             return OMNI_FAULT_COMMAND_LOSS;
         }
     }
@@ -181,7 +194,7 @@ static omni_uint_t supervise_setpoint(const omni_supervisor_t *supervisor, const
 
 omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
                                  const omni_inputs_t *inputs, const omni_estimate_t *estimate,
-                                 const omni_applied_t *last, uint8_t *kind) {
+                                 const omni_pose_t *reference, const omni_applied_t *last, uint8_t *kind) {
     omni_uint_t faults = inputs->faults & (uint32_t)OMNI_FAULT_STOP_MASK;
     if (!omni_motion_is_finite(&estimate->pose, &estimate->rate)) {
         faults |= OMNI_FAULT_NOT_FINITE;
@@ -195,7 +208,7 @@ omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot
     }
     faults |= supervise_supply(&supervisor->battery_ticks, &config->limits, inputs, estimate->supply_V);
     faults |= supervise_link(&config->limits, inputs);
-    faults |= supervise_setpoint(supervisor, &config->limits, inputs, kind);
+    faults |= supervise_setpoint(supervisor, &config->limits, inputs, reference, kind);
     faults |= omni_select(last->saturated, (uint32_t)OMNI_WARN_SATURATED, 0u);
     faults |= omni_select(supervisor->speeds.armed, supervisor->speeds.overspeed_fault, 0u);
     if (last->tracking_error_exceeded) {

@@ -76,12 +76,13 @@ omni_real_t omni_robot_age_s(uint64_t now_us, uint64_t since_us);
 
 /**
  * Supervision stage: fault detection.
+ * @param reference the last tick's pose reference.
  * @param kind out: omni_setpoint_kind_t of the setpoint if it may be followed, else OMNI_SETPOINT_NONE.
  * @return stop faults and warnings.
  */
 omni_uint_t omni_robot_supervise(omni_supervisor_t *supervisor, const omni_robot_config_t *config,
                                  const omni_inputs_t *inputs, const omni_estimate_t *estimate,
-                                 const omni_applied_t *last, uint8_t *kind);
+                                 const omni_pose_t *reference, const omni_applied_t *last, uint8_t *kind);
 
 /** Apply events and faults to the safety state machine. @return true if the robot was armed in this tick, even if
  * another event disarmed it again. */

@@ -276,7 +276,8 @@ void omni_robot_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_outp
     omni_estimate_t estimate;
     uint8_t kind;
     omni_uint_t faults = omni_robot_estimate(&robot->estimator, robot->config, inputs, &robot->applied, &estimate);
-    faults |= omni_robot_supervise(&robot->supervisor, robot->config, inputs, &estimate, &robot->applied, &kind);
+    faults |= omni_robot_supervise(&robot->supervisor, robot->config, inputs, &estimate,
+                                   &robot->reference_generator.reference_pose, &robot->applied, &kind);
     apply_events(robot, inputs, faults, &estimate);
     drive_and_report(robot, inputs, &estimate, kind, faults, outputs);
     omni_robot_restart_filters(&robot->estimator, robot->config, &estimate);
