@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "app/base/core.h"
+#include "app/base/crc32.h"
 #include "app/storage/param_store.h"
 #include "app/storage/storage_layout.h"
 #include "check.h"
@@ -13,17 +14,6 @@
 
 namespace fuzz {
 namespace {
-
-uint32_t crc32(const uint8_t *bytes, size_t length) {
-    uint32_t crc = 0xFFFFFFFFu;
-    for (size_t i = 0; i < length; ++i) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; ++bit) {
-            crc = (crc & 1u) != 0 ? crc >> 1 ^ 0xEDB88320u : crc >> 1;
-        }
-    }
-    return ~crc;
-}
 
 void put32(uint8_t *at, uint32_t value) {
     std::memcpy(at, &value, sizeof value);
@@ -59,7 +49,7 @@ void forge(FakeStorage *storage, size_t slot, Script &script) {
         std::memcpy(entry, &key, sizeof key);
         std::memcpy(entry + 2, &value, sizeof value);
     }
-    put32(at + 16 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : crc32(at, 16 + 6 * count));
+    put32(at + 16 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : omni::crc32(at, 16 + 6 * count));
 }
 
 void fill(FakeStorage *storage, Script &script) {

@@ -6,6 +6,7 @@
 
 #include <cstring>
 
+#include "app/base/crc32.h"
 #include "app/base/flash_code.h"
 #include "boards/teensy40/processor.h"
 
@@ -75,16 +76,9 @@ Text &add_kind(Text &text, uint32_t cfsr, uint32_t exception) {
 
 /// CRC-32 of the fault handler's words as Teensyduino computes it: no final inversion.
 uint32_t fault_crc(const arm_fault_info_struct &info) {
-    uint32_t words[sizeof info / 4];
-    std::memcpy(words, &info, sizeof words);
-    uint32_t crc = 0xFFFFFFFF;
-    for (size_t i = 0; i + 1 < sizeof words / 4; ++i) {
-        crc ^= words[i];
-        for (int bit = 0; bit < 32; ++bit) {
-            crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xEDB88320u : 0u);
-        }
-    }
-    return crc;
+    uint8_t bytes[sizeof info - sizeof info.crc];
+    std::memcpy(bytes, &info, sizeof bytes);
+    return ~crc32(bytes, sizeof bytes);
 }
 
 bool valid(const arm_fault_info_struct &info) {
