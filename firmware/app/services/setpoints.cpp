@@ -50,11 +50,6 @@ OMNI_COLD void Setpoints::refuse(const char *why) {
     texts_.refuse_rate_limited(last_text_us_, Text().add("setpoint refused: ").add(why));
 }
 
-bool Setpoints::is_setpoint(const Frame &frame) {
-    return frame.id == MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED || frame.id == MAVLINK_MSG_ID_MANUAL_CONTROL ||
-           frame.id == MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY;
-}
-
 OMNI_COLD void Setpoints::refuse_ended() {
     if (robot_.armed()) {
         texts_.refuse_rate_limited(last_text_us_, Text().add("setpoint refused: its drive has ended"));

@@ -21,11 +21,12 @@
 #include "app/base/board.h"
 #include "app/base/core.h"
 #include "app/base/snapshot.h"
-#include "app/drivers/motor_drivers.h"
 #include "app/tick/burst_recorder.h"
 #include "app/tick/i2c_scan.h"
 #include "app/tick/robot_setup.h"
 #include "app/tick/tick_report.h"
+#include "omni/motor_drivers_gen.h"
+#include "omni/tick_readings_gen.h"
 
 namespace omni {
 
@@ -48,10 +49,9 @@ struct Request {
     omni_pose_t pose{};
 };
 
-/// Sensor readings of one tick, generated from [sensors] of shared/world.toml.
-struct TickSensors {
-    uint64_t time_us = 0; ///< robot clock
-#include "omni/tick_readings_gen.h"
+/// Inputs of one tick from the board or the simulated world.
+struct TickSensors : TickReadings {
+    uint64_t time_us = 0;  ///< robot clock
     uint32_t faults = 0;   ///< OMNI_FAULT_OVERRUN
     uint32_t overruns = 0; ///< tick overruns since boot
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
