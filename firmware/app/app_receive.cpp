@@ -16,7 +16,7 @@ constexpr uint64_t greeting_us = 2'000'000; ///< a peer on a cable or network se
 
 /// Message handler of a service: calls its method with the arguments that it has.
 template <auto service, auto method>
-void call(App &app, const Frame &frame, const Sender &sender) {
+void call_service(App &app, const Frame &frame, const Sender &sender) {
     auto &receiver = app.*service;
     if constexpr (std::is_invocable_v<decltype(method), decltype(receiver), const Frame &>) {
         (receiver.*method)(frame);
@@ -29,7 +29,7 @@ void call(App &app, const Frame &frame, const Sender &sender) {
 
 /// Message handler of the App itself.
 template <auto method>
-void call(App &app, const Frame &frame, const Sender &sender) {
+void call_app(App &app, const Frame &frame, const Sender &sender) {
     (app.*method)(frame, sender);
 }
 
@@ -88,27 +88,28 @@ void App::dispatch(const Frame &frame, const Sender &sender) {
         Kind kind;
         void (*handle)(App &app, const Frame &frame, const Sender &sender);
     } handlers[] = {
-        {MAVLINK_MSG_ID_OMNI_HIL_SENSORS, Kind::any, call<&App::on_hil_sensors>},
-        {MAVLINK_MSG_ID_HEARTBEAT, Kind::any, call<&App::on_heartbeat>},
+        {MAVLINK_MSG_ID_OMNI_HIL_SENSORS, Kind::any, call_app<&App::on_hil_sensors>},
+        {MAVLINK_MSG_ID_HEARTBEAT, Kind::any, call_app<&App::on_heartbeat>},
         {MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED, Kind::setpoint,
-         call<&App::setpoints_, &Setpoints::on_position_target>},
-        {MAVLINK_MSG_ID_MANUAL_CONTROL, Kind::setpoint, call<&App::setpoints_, &Setpoints::on_manual_control>},
-        {MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY, Kind::setpoint, call<&App::setpoints_, &Setpoints::on_duty>},
-        {MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE, Kind::any, call<&App::pose_fixes_, &PoseFixes::on_vicon>},
-        {MAVLINK_MSG_ID_ATT_POS_MOCAP, Kind::any, call<&App::pose_fixes_, &PoseFixes::on_mocap>},
-        {MAVLINK_MSG_ID_OMNI_POSE_FIX, Kind::any, call<&App::pose_fixes_, &PoseFixes::on_compact>},
-        {MAVLINK_MSG_ID_PARAM_REQUEST_LIST, Kind::any, call<&App::parameters_, &Parameters::on_request_list>},
-        {MAVLINK_MSG_ID_PARAM_REQUEST_READ, Kind::any, call<&App::parameters_, &Parameters::on_request_read>},
-        {MAVLINK_MSG_ID_PARAM_SET, Kind::any, call<&App::parameters_, &Parameters::on_set>},
-        {MAVLINK_MSG_ID_COMMAND_LONG, Kind::any, call<&App::commands_, &Commands::on_command_long>},
-        {MAVLINK_MSG_ID_COMMAND_INT, Kind::any, call<&App::commands_, &Commands::on_command_int>},
-        {MAVLINK_MSG_ID_SET_MODE, Kind::any, call<&App::commands_, &Commands::on_set_mode>},
-        {MAVLINK_MSG_ID_SETUP_SIGNING, Kind::any, call<&App::signing_service_, &SigningService::on_setup>},
-        {MAVLINK_MSG_ID_REQUEST_DATA_STREAM, Kind::any, call<&App::telemetry_, &Telemetry::on_request_data_stream>},
-        {MAVLINK_MSG_ID_LOG_REQUEST_LIST, Kind::addressed, call<&App::burst_log_, &BurstLog::on_request_list>},
-        {MAVLINK_MSG_ID_LOG_REQUEST_DATA, Kind::addressed, call<&App::burst_log_, &BurstLog::on_request_data>},
-        {MAVLINK_MSG_ID_LOG_REQUEST_END, Kind::addressed, call<&App::burst_log_, &BurstLog::on_request_end>},
-        {MAVLINK_MSG_ID_LOG_ERASE, Kind::addressed, call<&App::burst_log_, &BurstLog::on_erase>},
+         call_service<&App::setpoints_, &Setpoints::on_position_target>},
+        {MAVLINK_MSG_ID_MANUAL_CONTROL, Kind::setpoint, call_service<&App::setpoints_, &Setpoints::on_manual_control>},
+        {MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY, Kind::setpoint, call_service<&App::setpoints_, &Setpoints::on_duty>},
+        {MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE, Kind::any, call_service<&App::pose_fixes_, &PoseFixes::on_vicon>},
+        {MAVLINK_MSG_ID_ATT_POS_MOCAP, Kind::any, call_service<&App::pose_fixes_, &PoseFixes::on_mocap>},
+        {MAVLINK_MSG_ID_OMNI_POSE_FIX, Kind::any, call_service<&App::pose_fixes_, &PoseFixes::on_compact>},
+        {MAVLINK_MSG_ID_PARAM_REQUEST_LIST, Kind::any, call_service<&App::parameters_, &Parameters::on_request_list>},
+        {MAVLINK_MSG_ID_PARAM_REQUEST_READ, Kind::any, call_service<&App::parameters_, &Parameters::on_request_read>},
+        {MAVLINK_MSG_ID_PARAM_SET, Kind::any, call_service<&App::parameters_, &Parameters::on_set>},
+        {MAVLINK_MSG_ID_COMMAND_LONG, Kind::any, call_service<&App::commands_, &Commands::on_command_long>},
+        {MAVLINK_MSG_ID_COMMAND_INT, Kind::any, call_service<&App::commands_, &Commands::on_command_int>},
+        {MAVLINK_MSG_ID_SET_MODE, Kind::any, call_service<&App::commands_, &Commands::on_set_mode>},
+        {MAVLINK_MSG_ID_SETUP_SIGNING, Kind::any, call_service<&App::signing_service_, &SigningService::on_setup>},
+        {MAVLINK_MSG_ID_REQUEST_DATA_STREAM, Kind::any,
+         call_service<&App::telemetry_, &Telemetry::on_request_data_stream>},
+        {MAVLINK_MSG_ID_LOG_REQUEST_LIST, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_request_list>},
+        {MAVLINK_MSG_ID_LOG_REQUEST_DATA, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_request_data>},
+        {MAVLINK_MSG_ID_LOG_REQUEST_END, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_request_end>},
+        {MAVLINK_MSG_ID_LOG_ERASE, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_erase>},
     };
     const auto *handler = std::find_if(std::begin(handlers), std::end(handlers),
                                        [&frame](const auto &row) { return row.id == frame.id; });
