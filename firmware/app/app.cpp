@@ -14,8 +14,8 @@ constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
 /// Timeout of sensor messages in hardware-in-the-loop. The robot's own motors are off, and a busy computer may be late
 /// by some tenths of a second.
-constexpr uint64_t hil_stop_patience_us = 1'000'000;
-constexpr uint64_t hil_patience_us = 10'000'000;
+constexpr uint64_t hil_stop_timeout_us = 1'000'000;
+constexpr uint64_t hil_timeout_us = 10'000'000;
 /// Maximum wait for a busy bus.
 constexpr uint32_t release_limit = 50;
 
@@ -236,7 +236,7 @@ void App::watch_hil_silence() {
         return;
     }
     const bool stop_waits = control_.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
-    if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_patience_us : hil_patience_us)) {
+    if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_timeout_us : hil_timeout_us)) {
         leave_hil();
         texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: no sensor messages"));
     }

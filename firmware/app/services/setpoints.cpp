@@ -107,7 +107,7 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
 }
 
 /// The rate that ends a heading error in SAFE_CMD_TO, but not in less than half a second. So the robot does not turn
-/// too far before the next setpoint comes, however seldom they come. Rate and result in NED. @param rate feed-forward
+/// too far before the next setpoint arrives, at any rate of setpoints. Rate and result in NED. @param rate feed-forward
 float Setpoints::turn_towards(float yaw, float rate) const {
     constexpr float quickest_s = 0.5f;
     const omni_limits_t &limits = parameters_.config().limits;

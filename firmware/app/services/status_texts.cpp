@@ -55,22 +55,22 @@ void StatusTexts::restart() {
     state_ = OMNI_STATE_INIT;
     phase_ = OMNI_PHASE_NONE;
     history_ = 0;
-    slowed_said_us_ = 0;
-    limited_said_us_ = 0;
-    read_back_said_ = false;
+    slowdown_reported_us_ = 0;
+    current_limit_reported_us_ = 0;
+    read_back_reported_ = false;
     for (size_t link = 0; link < links_.count(); ++link) {
         reset_sensor_reports(link);
     }
 }
 
 void StatusTexts::greet(size_t link) {
-    button_said_[link] = false;
+    button_reported_[link] = false;
     reset_sensor_reports(link);
 }
 
 void StatusTexts::reset_sensor_reports(size_t link) {
-    gyro_said_[link] = 0;
-    flow_said_[link] = 0;
+    gyro_reported_[link] = 0;
+    flow_reported_[link] = 0;
 }
 
 void StatusTexts::report_state(uint8_t state) {
@@ -102,20 +102,20 @@ void StatusTexts::report_link_changes() {
 void StatusTexts::report_button() {
     const bool pressed = button_.pressed();
     for (size_t link = 0; link < links_.count(); ++link) {
-        if (pressed && !button_said_[link] && links_[link].connected()) {
+        if (pressed && !button_reported_[link] && links_[link].connected()) {
             texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("stop button open: pressed, or its wire is cut"));
         }
-        button_said_[link] = pressed && links_[link].connected();
+        button_reported_[link] = pressed && links_[link].connected();
     }
 }
 
 /// Report once at the start: the motors stay off from then on.
 void StatusTexts::report_read_back() {
     const bool missing = robot_.latest().read_back_missing;
-    if (missing && !read_back_said_) {
+    if (missing && !read_back_reported_) {
         texts_.say(MAV_SEVERITY_CRITICAL, Text().add("PWM chip: MODE1 does not read back as 0x20"));
     }
-    read_back_said_ = missing;
+    read_back_reported_ = missing;
 }
 
 /// Report a sensor's fault or its end, once per link, also to peers that connect later.
@@ -134,7 +134,7 @@ OMNI_COLD void StatusTexts::report_gyro() {
     if (gyro_chip_ != nullptr && !robot_.hil()) {
         const GyroTrouble trouble = gyro_chip_->trouble();
         const auto cause = static_cast<uint8_t>(trouble.cause);
-        report_sensor({"gyro: ", cause, gyro_texts[cause], {{trouble.seen}, {trouble.wanted}}}, gyro_said_);
+        report_sensor({"gyro: ", cause, gyro_texts[cause], {{trouble.seen}, {trouble.wanted}}}, gyro_reported_);
     }
 }
 
@@ -142,7 +142,7 @@ OMNI_COLD void StatusTexts::report_flow() {
     if (flow_chip_ != nullptr && !robot_.hil()) {
         const FlowTrouble trouble = flow_chip_->trouble();
         const auto cause = static_cast<uint8_t>(trouble.cause);
-        report_sensor({"floor motion: ", cause, flow_texts[cause], {{trouble.seen}, {trouble.wanted}}}, flow_said_);
+        report_sensor({"floor motion: ", cause, flow_texts[cause], {{trouble.seen}, {trouble.wanted}}}, flow_reported_);
     }
 }
 
@@ -189,19 +189,19 @@ void StatusTexts::report_failsafe() {
     }
 }
 
-/// Is the text about a lasting state due again? @param said_us time of the last one, updated; 0: none.
-bool StatusTexts::is_repetition_due(uint64_t &said_us) const {
-    if (said_us != 0 && clock_.now_us - said_us < repetition_us) {
+/// Is the text about a lasting state due again? @param reported_us time of the last one, updated; 0: none.
+bool StatusTexts::is_repetition_due(uint64_t &reported_us) const {
+    if (reported_us != 0 && clock_.now_us - reported_us < repetition_us) {
         return false;
     }
-    said_us = std::max(clock_.now_us, uint64_t{1});
+    reported_us = std::max(clock_.now_us, uint64_t{1});
     return true;
 }
 
 /// Report a limited velocity setpoint, repeatedly while it lasts.
 OMNI_COLD void StatusTexts::report_slowdown() {
     const omni_outputs_t &out = robot_.latest().outputs;
-    if (!is_velocity(out.setpoint_kind) || out.velocity_limits == 0 || !is_repetition_due(slowed_said_us_)) {
+    if (!is_velocity(out.setpoint_kind) || out.velocity_limits == 0 || !is_repetition_due(slowdown_reported_us_)) {
         return;
     }
     const omni_limits_t &limits = parameters_.config().limits;
@@ -225,7 +225,7 @@ OMNI_COLD void StatusTexts::report_slowdown() {
 /// Report active current limiting, repeatedly while it lasts.
 void StatusTexts::report_current_limit() {
     const omni_outputs_t &out = robot_.latest().outputs;
-    if (out.current_reduction > 0.0f && is_repetition_due(limited_said_us_)) {
+    if (out.current_reduction > 0.0f && is_repetition_due(current_limit_reported_us_)) {
         const float figures[] = {std::trunc((1.0f - out.current_reduction) * 100.0f),
                                  rounded_figure(parameters_.values()[OMNI_PARAM_LIM_I])};
         texts_.say(MAV_SEVERITY_NOTICE, Text().fill("motors pushed at # %: LIM_I # A", figures));

@@ -149,7 +149,7 @@ bool FlashLog::read(size_t offset, uint8_t *data, size_t length) {
     return true;
 }
 
-/// Program, and look whether the memory took it.
+/// Program and verify.
 bool FlashLog::programmed(size_t sector, size_t offset, const uint8_t *data, size_t length) {
     flash_.program(sector, offset, data, length);
     uint8_t bytes[piece];
