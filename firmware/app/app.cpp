@@ -2,9 +2,9 @@
 #include "app/app.h"
 
 #include <algorithm>
+#include <iterator>
 
 #include "app/base/flash_code.h"
-#include "app/services/services.h"
 #include "app/services/status_light.h"
 
 namespace omni {
@@ -14,8 +14,8 @@ constexpr uint64_t late_us = OMNI_TICK_US + OMNI_TICK_US / 2;
 constexpr uint32_t overruns_tolerated = 10;
 /// Timeout of sensor messages in hardware-in-the-loop. The robot's own motors are off, and a busy computer may be late
 /// by some tenths of a second.
-constexpr uint64_t hil_stop_patience_us = 1'000'000;
-constexpr uint64_t hil_patience_us = 10'000'000;
+constexpr uint64_t hil_stop_timeout_us = 1'000'000;
+constexpr uint64_t hil_timeout_us = 10'000'000;
 /// Maximum wait for a busy bus.
 constexpr uint32_t release_limit = 50;
 
@@ -236,7 +236,7 @@ void App::watch_hil_silence() {
         return;
     }
     const bool stop_waits = control_.stopping(OMNI_EVENT_DISARM | OMNI_EVENT_ESTOP);
-    if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_patience_us : hil_patience_us)) {
+    if (board_.clock->now_us() - hil_heard_us_ > (stop_waits ? hil_stop_timeout_us : hil_timeout_us)) {
         leave_hil();
         texts_.say(MAV_SEVERITY_WARNING, Text().add("HIL left: no sensor messages"));
     }
@@ -257,7 +257,8 @@ void App::take_report() {
     robot_.set_streamed_kind(setpoints_.streamed_kind());
 }
 
-void App::hil_tick(const Frame &frame, size_t link) {
+void App::on_hil_sensors(const Frame &frame, const Sender &sender) {
+    const size_t link = sender.link;
     if (!robot_.hil() || (hil_link_ != no_link && hil_link_ != link)) {
         return;
     }
@@ -277,110 +278,18 @@ void App::hil_tick(const Frame &frame, size_t link) {
     hil_.answer(robot_.latest().outputs, links_[link]);
 }
 
-bool App::accepts_setpoints_of(const Sender &sender) {
-    if (!heartbeats_.stations.accepts_setpoints(sender, clock_.now_us)) {
-        setpoints_.refuse_ended();
-        return false;
-    }
-    return heartbeats_.may_move(sender, true);
-}
-
-bool App::dispatch_setpoint(const Frame &frame, const Sender &sender) {
-    if (Setpoints::is_setpoint(frame) && !accepts_setpoints_of(sender)) {
-        return true;
-    }
-    switch (frame.id) {
-    case MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
-        setpoints_.on_position_target(frame);
-        break;
-    case MAVLINK_MSG_ID_MANUAL_CONTROL:
-        setpoints_.on_manual_control(frame);
-        break;
-    case MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY:
-        setpoints_.on_duty(frame);
-        break;
-    default:
-        return false;
-    }
-    if (!setpoints_.refused()) {
-        heartbeats_.take_command_by_setpoint(sender);
-    }
-    return true;
-}
-
-bool App::dispatch_fix_or_heartbeat(const Frame &frame, const Sender &sender) {
-    switch (frame.id) {
-    case MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE:
-        pose_fixes_.on_vicon(frame);
-        return true;
-    case MAVLINK_MSG_ID_ATT_POS_MOCAP:
-        pose_fixes_.on_mocap(frame);
-        return true;
-    case MAVLINK_MSG_ID_OMNI_POSE_FIX:
-        pose_fixes_.on_compact(frame);
-        return true;
-    case MAVLINK_MSG_ID_HEARTBEAT:
-        if (Heartbeats::is_ground_station(frame)) {
-            on_peer_reappeared(sender.link);
-            heartbeats_.record(sender);
-        }
-        return true;
-    default:
-        return false;
-    }
-}
-
-void App::dispatch(const Frame &frame, const Sender &sender) {
-    switch (frame.id) {
-    case MAVLINK_MSG_ID_OMNI_HIL_SENSORS:
-        hil_tick(frame, sender.link);
-        break;
-    case MAVLINK_MSG_ID_PARAM_REQUEST_LIST:
-        parameters_.on_request_list(sender);
-        break;
-    case MAVLINK_MSG_ID_PARAM_REQUEST_READ:
-        parameters_.on_request_read(frame, sender);
-        break;
-    case MAVLINK_MSG_ID_PARAM_SET:
-        parameters_.on_set(frame, sender);
-        break;
-    case MAVLINK_MSG_ID_COMMAND_LONG:
-        commands_.on_command_long(frame, sender);
-        break;
-    case MAVLINK_MSG_ID_COMMAND_INT:
-        commands_.on_command_int(frame, sender);
-        break;
-    case MAVLINK_MSG_ID_SETUP_SIGNING:
-        signing_service_.on_setup(frame, sender);
-        break;
-    case MAVLINK_MSG_ID_SET_MODE:
-        commands_.on_set_mode(frame, sender);
-        break;
-    case MAVLINK_MSG_ID_REQUEST_DATA_STREAM:
-        telemetry_.on_request_data_stream(frame, sender);
-        break;
-    default:
-        if (!dispatch_setpoint(frame, sender) && !dispatch_fix_or_heartbeat(frame, sender) &&
-            !burst_log_.take(frame, sender)) {
-            serve_small_protocols(links_, clock_, frame, sender);
-        }
-        break;
-    }
-}
-
 /// Report the reset cause on each link, unless it was power-on or a requested reset.
 void App::report_reset_cause(size_t link) {
+    constexpr const char *texts[] = {nullptr, "restarted by the watchdog", nullptr, "restarted after a crash",
+                                     "restarted: the processor was too hot"};
+    static_assert(std::size(texts) == static_cast<size_t>(ResetCause::over_temperature) + 1, "one text per cause");
     if (reset_cause_reported_[link]) {
         return;
     }
     reset_cause_reported_[link] = true;
     Watchdog &watchdog = *board_.watchdog;
-    if (watchdog.reset_cause() == ResetCause::watchdog) {
-        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("restarted by the watchdog"));
-    } else if (watchdog.reset_cause() == ResetCause::crash) {
-        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("restarted after a crash"));
-    } else if (watchdog.reset_cause() == ResetCause::over_temperature) {
-        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add("restarted: the processor was too hot"));
+    if (const char *text = texts[static_cast<size_t>(watchdog.reset_cause())]) {
+        texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add(text));
     }
     for (size_t i = 0; watchdog.crash_line(i) != nullptr; ++i) {
         texts_.send_to(link, MAV_SEVERITY_CRITICAL, Text().add(watchdog.crash_line(i)));

@@ -90,15 +90,13 @@ private:
     /// Call before a heartbeat is processed: a peer behind a radio that was silent gets active problems again.
     void on_peer_reappeared(size_t link);
     void dispatch(const Frame &frame, const Sender &sender);
-    bool dispatch_setpoint(const Frame &frame, const Sender &sender);
     /// May this sender stream setpoints? If not, the refusal is reported to it.
     bool accepts_setpoints_of(const Sender &sender);
-    /// Dispatch pose fixes and heartbeats.
-    bool dispatch_fix_or_heartbeat(const Frame &frame, const Sender &sender);
+    void on_heartbeat(const Frame &frame, const Sender &sender);
+    void on_hil_sensors(const Frame &frame, const Sender &sender);
     void attach_links();
     void process_legacy_line(size_t link);
     void apply_legacy_setpoint(const LegacySetpoint &setpoint, const Sender &sender);
-    void hil_tick(const Frame &frame, size_t link);
     void serve();
     void take_report();
     void flush();

@@ -1,13 +1,37 @@
 // SPDX-License-Identifier: MIT
 /// Reception: bytes, frames and the original robot's lines.
+#include <algorithm>
+#include <iterator>
+#include <type_traits>
+
 #include "app/app.h"
 #include "app/base/flash_code.h"
 #include "app/base/text.h"
+#include "app/services/services.h"
 
 namespace omni {
 namespace {
 
 constexpr uint64_t greeting_us = 2'000'000; ///< a peer on a cable or network sends a heartbeat within this time
+
+/// Message handler of a service: calls its method with the arguments that it has.
+template <auto service, auto method>
+void call_service(App &app, const Frame &frame, const Sender &sender) {
+    auto &receiver = app.*service;
+    if constexpr (std::is_invocable_v<decltype(method), decltype(receiver), const Frame &>) {
+        (receiver.*method)(frame);
+    } else if constexpr (std::is_invocable_v<decltype(method), decltype(receiver), const Sender &>) {
+        (receiver.*method)(sender);
+    } else {
+        (receiver.*method)(frame, sender);
+    }
+}
+
+/// Message handler of the App itself.
+template <auto method>
+void call_app(App &app, const Frame &frame, const Sender &sender) {
+    (app.*method)(frame, sender);
+}
 
 } // namespace
 
@@ -37,6 +61,69 @@ OMNI_COLD void App::on_peer_reappeared(size_t link) {
     if ((heard_us == 0 || is_past(heard_us, Stations::away_us)) && is_past(greeted_us_[link], greeting_us)) {
         reset_cause_reported_[link] = false;
         report_status_to_new_peer(link);
+    }
+}
+
+bool App::accepts_setpoints_of(const Sender &sender) {
+    if (!heartbeats_.stations.accepts_setpoints(sender, clock_.now_us)) {
+        setpoints_.refuse_ended();
+        return false;
+    }
+    return heartbeats_.may_move(sender, true);
+}
+
+void App::on_heartbeat(const Frame &frame, const Sender &sender) {
+    if (Heartbeats::is_ground_station(frame)) {
+        on_peer_reappeared(sender.link);
+        heartbeats_.record(sender);
+    }
+}
+
+/// Requests of the log protocol are answered only if addressed to this robot: all robots on a shared radio would
+/// respond to a broadcast at once.
+void App::dispatch(const Frame &frame, const Sender &sender) {
+    enum class Kind : uint8_t { any, setpoint, addressed };
+    static constexpr struct {
+        uint32_t id;
+        Kind kind;
+        void (*handle)(App &app, const Frame &frame, const Sender &sender);
+    } handlers[] = {
+        {MAVLINK_MSG_ID_OMNI_HIL_SENSORS, Kind::any, call_app<&App::on_hil_sensors>},
+        {MAVLINK_MSG_ID_HEARTBEAT, Kind::any, call_app<&App::on_heartbeat>},
+        {MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED, Kind::setpoint,
+         call_service<&App::setpoints_, &Setpoints::on_position_target>},
+        {MAVLINK_MSG_ID_MANUAL_CONTROL, Kind::setpoint, call_service<&App::setpoints_, &Setpoints::on_manual_control>},
+        {MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY, Kind::setpoint, call_service<&App::setpoints_, &Setpoints::on_duty>},
+        {MAVLINK_MSG_ID_VICON_POSITION_ESTIMATE, Kind::any, call_service<&App::pose_fixes_, &PoseFixes::on_vicon>},
+        {MAVLINK_MSG_ID_ATT_POS_MOCAP, Kind::any, call_service<&App::pose_fixes_, &PoseFixes::on_mocap>},
+        {MAVLINK_MSG_ID_OMNI_POSE_FIX, Kind::any, call_service<&App::pose_fixes_, &PoseFixes::on_compact>},
+        {MAVLINK_MSG_ID_PARAM_REQUEST_LIST, Kind::any, call_service<&App::parameters_, &Parameters::on_request_list>},
+        {MAVLINK_MSG_ID_PARAM_REQUEST_READ, Kind::any, call_service<&App::parameters_, &Parameters::on_request_read>},
+        {MAVLINK_MSG_ID_PARAM_SET, Kind::any, call_service<&App::parameters_, &Parameters::on_set>},
+        {MAVLINK_MSG_ID_COMMAND_LONG, Kind::any, call_service<&App::commands_, &Commands::on_command_long>},
+        {MAVLINK_MSG_ID_COMMAND_INT, Kind::any, call_service<&App::commands_, &Commands::on_command_int>},
+        {MAVLINK_MSG_ID_SET_MODE, Kind::any, call_service<&App::commands_, &Commands::on_set_mode>},
+        {MAVLINK_MSG_ID_SETUP_SIGNING, Kind::any, call_service<&App::signing_service_, &SigningService::on_setup>},
+        {MAVLINK_MSG_ID_REQUEST_DATA_STREAM, Kind::any,
+         call_service<&App::telemetry_, &Telemetry::on_request_data_stream>},
+        {MAVLINK_MSG_ID_LOG_REQUEST_LIST, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_request_list>},
+        {MAVLINK_MSG_ID_LOG_REQUEST_DATA, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_request_data>},
+        {MAVLINK_MSG_ID_LOG_REQUEST_END, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_request_end>},
+        {MAVLINK_MSG_ID_LOG_ERASE, Kind::addressed, call_service<&App::burst_log_, &BurstLog::on_erase>},
+    };
+    const auto *handler = std::find_if(std::begin(handlers), std::end(handlers),
+                                       [&frame](const auto &row) { return row.id == frame.id; });
+    if (handler == std::end(handlers)) {
+        serve_small_protocols(links_, clock_, frame, sender);
+    } else if (handler->kind == Kind::setpoint) {
+        if (accepts_setpoints_of(sender)) {
+            handler->handle(*this, frame, sender);
+            if (!setpoints_.refused()) {
+                heartbeats_.take_command_by_setpoint(sender);
+            }
+        }
+    } else if (handler->kind == Kind::any || frame.target_system != 0) {
+        handler->handle(*this, frame, sender);
     }
 }
 

@@ -46,15 +46,22 @@ def world_members(readings: Sequence[Reading]) -> str:
     return _members(readings, _WORLD)
 
 
-def tick_members(readings: Sequence[Reading]) -> str:
-    """Return ``omni/tick_readings_gen.h``: the readings as members of TickSensors, and ways in and out."""
+def _struct(name: str, meaning: str, lines: Sequence[str]) -> str:
+    """Return a header of C++ with one struct, in the firmware's namespace."""
+    body = [f"    {line}" if line else "" for line in lines]
+    head = ["#pragma once", "", "#include <cstdint>", "#include <cstring>", "", "namespace omni {", ""]
+    return _text([*head, f"/// {meaning}", f"struct {name} {{", *body, "};", "", "} // namespace omni"])
+
+
+def tick_readings(readings: Sequence[Reading]) -> str:
+    """Return ``omni/tick_readings_gen.h``: TickReadings, the readings of one tick, and ways in and out."""
     lines = []
     for reading in readings:
         initial = "{}" if reading.count else "0.0f" if reading.kind == "real" else "0"
         lines.append(f"{_FIRMWARE[reading.kind]} {reading.name}{_array(reading)} = {initial}; ///< {reading.meaning}")
         if reading.valid:
             lines.append(f"uint8_t {reading.valid} = 0; ///< {reading.valid_meaning}")
-    lines += ["", "/// To what the tick is told.", "void to_inputs(omni_inputs_t *inputs) const {"]
+    lines += ["", "/// Into omni_inputs_t.", "template <typename Inputs>", "void to_inputs(Inputs *inputs) const {"]
     lines += [line for r in readings for line in _copies(r, ("inputs->", r.name), ("", r.name))]
     lines += ["}", "", "/// From OMNI_HIL_SENSORS.", "template <typename Message>"]
     lines.append("void from_message(const Message &message) {")
@@ -66,7 +73,7 @@ def tick_members(readings: Sequence[Reading]) -> str:
             target = reading.name if reading.count else f"&{reading.name}"
             read = f"board.{reading.sensor} != nullptr ? board.{reading.sensor}({target}) : uint8_t{{0}}"
             lines.append(f"    {reading.valid} = {read};")
-    return _text([*lines, "}"])
+    return _struct("TickReadings", "Sensor readings of one tick.", [*lines, "}"])
 
 
 def _copies(reading: Reading, to: tuple[str, str], source: tuple[str, str]) -> list[str]:
@@ -85,8 +92,8 @@ def _copies(reading: Reading, to: tuple[str, str], source: tuple[str, str]) -> l
     return lines
 
 
-def board_members(readings: Sequence[Reading], boards: Sequence[str], source: str) -> str:
-    """Return ``omni/board_readings_gen.h``: members of the firmware's Board for what drivers of boards read.
+def board_readings(readings: Sequence[Reading], boards: Sequence[str], source: str) -> str:
+    """Return ``omni/board_readings_gen.h``: BoardReadings, the drivers that boards have for rows of the table.
 
     ``boards``: those that there are. Raises SchemaError for a row that names another.
     """
@@ -104,7 +111,7 @@ def board_members(readings: Sequence[Reading], boards: Sequence[str], source: st
             if board in reading.boards:
                 lines += [f"    begin_{reading.sensor}();", f"    {reading.sensor} = read_{reading.sensor};"]
         lines.append("}")
-    return _text(lines)
+    return _struct("BoardReadings", "Drivers of the sensors that name their boards in [sensors].", lines)
 
 
 def _board_reader(reading: Reading) -> list[str]:
@@ -152,8 +159,8 @@ def write_core_readings(world: WorldSchema, boards: Sequence[str], out: Path) ->
     """Write the headers that core and firmware include, below ``out``."""
     folder = out / "include" / "omni"
     _write(folder / "input_readings_gen.h", input_members(world.readings))
-    _write(folder / "tick_readings_gen.h", tick_members(world.readings))
-    _write(folder / "board_readings_gen.h", board_members(world.readings, boards, world.source))
+    _write(folder / "tick_readings_gen.h", tick_readings(world.readings))
+    _write(folder / "board_readings_gen.h", board_readings(world.readings, boards, world.source))
 
 
 def write_world_readings(world: WorldSchema, out: Path) -> None:

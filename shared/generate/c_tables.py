@@ -120,23 +120,27 @@ def params_source(table: ParameterTable) -> str:
 
 
 def motor_drivers_header(table: ParameterTable) -> str:
-    """Return ``omni/motor_drivers_gen.h``: the classes of the motor drivers, and the headers they are in."""
-    drivers = table.motor_drivers.values()
+    """Return ``omni/motor_drivers_gen.h``: MotorDrivers, which holds one driver of each class."""
+    drivers = list(table.motor_drivers.values())
     lines = [
         NOTICE,
-        "#ifndef OMNI_MOTOR_DRIVERS_GEN_H",
-        "#define OMNI_MOTOR_DRIVERS_GEN_H",
+        "#pragma once",
         "",
         *(f'#include "app/drivers/{driver.name}.h"' for driver in drivers),
         "",
-        "/** ROW(class, member, value) for each motor driver. */",
-        "#define OMNI_MOTOR_DRIVERS(ROW) \\",
-        " \\\n".join(f"    ROW({row.class_name}, {row.name}, OMNI_MOT_DRIVER_{row.name.upper()})" for row in drivers),
+        "namespace omni {",
         "",
-        "#endif",
-        "",
+        "class MotorDrivers {",
+        "public:",
+        f"    /// Driver by number. @param number omni_mot_driver; an unknown one gives {drivers[0].class_name}.",
+        "    MotorDriver &of(uint8_t number) {",
+        "        switch (number) {",
     ]
-    return "\n".join(lines)
+    for driver in drivers[1:]:
+        lines += [f"        case OMNI_MOT_DRIVER_{driver.name.upper()}:", f"            return {driver.name}_;"]
+    lines += ["        default:", f"            return {drivers[0].name}_;", "        }", "    }", "", "private:"]
+    lines += [f"    {driver.class_name} {driver.name}_;" for driver in drivers]
+    return "\n".join([*lines, "};", "", "} // namespace omni", ""])
 
 
 def robots_source(robots: Sequence[Robot]) -> str:

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "app/base/core.h"
+#include "app/base/crc32.h"
 #include "app/storage/param_store.h"
 #include "app/storage/storage_layout.h"
 #include "check.h"
@@ -13,17 +14,6 @@
 
 namespace fuzz {
 namespace {
-
-uint32_t crc32(const uint8_t *bytes, size_t length) {
-    uint32_t crc = 0xFFFFFFFFu;
-    for (size_t i = 0; i < length; ++i) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; ++bit) {
-            crc = (crc & 1u) != 0 ? crc >> 1 ^ 0xEDB88320u : crc >> 1;
-        }
-    }
-    return ~crc;
-}
 
 void put32(uint8_t *at, uint32_t value) {
     std::memcpy(at, &value, sizeof value);
@@ -43,23 +33,19 @@ void forge(FakeStorage *storage, size_t slot, Script &script) {
     }
     uint8_t *at = storage->bytes + slot * size;
     const size_t count = script.below((size - 20) / 6 + 1);
-    const bool by_index = script.one_in(4);
-    put32(at, script.one_in(16) ? script.number<uint32_t>() : by_index ? 0x32504D4Fu : 0x33504D4Fu);
-    put32(at + 4, by_index && script.one_in(2) ? 0x51CF0BAFu
-                  : script.one_in(8)           ? script.number<uint32_t>()
-                                               : omni_param_schema_crc);
+    put32(at, script.one_in(16) ? script.number<uint32_t>() : 0x33504D4Fu);
+    put32(at + 4, script.one_in(8) ? script.number<uint32_t>() : omni_param_schema_crc);
     put32(at + 8, script.number<uint32_t>());
     put32(at + 12, script.one_in(16) ? script.number<uint32_t>() : static_cast<uint32_t>(count));
     for (size_t i = 0; i < count; ++i) {
         uint8_t *entry = at + 16 + 6 * i;
         const auto index = static_cast<uint16_t>(parameter_for(script.number<uint16_t>()));
-        const uint16_t known = by_index ? index : omni_param_table[index].storage_key;
-        const uint16_t key = script.one_in(16) ? script.number<uint16_t>() : known;
+        const uint16_t key = script.one_in(16) ? script.number<uint16_t>() : omni_param_table[index].storage_key;
         const float value = script.one_in(2) ? script.number<float>() : omni_param_table[index].maximum;
         std::memcpy(entry, &key, sizeof key);
         std::memcpy(entry + 2, &value, sizeof value);
     }
-    put32(at + 16 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : crc32(at, 16 + 6 * count));
+    put32(at + 16 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : omni::crc32(at, 16 + 6 * count));
 }
 
 void fill(FakeStorage *storage, Script &script) {

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from c_readings import board_members, input_copies, input_members, message_copies, tick_members, world_members
+from c_readings import board_readings, input_copies, input_members, message_copies, tick_readings, world_members
 from mavlink_dialect import own_document
 from omni_schema import SchemaError
 from omni_schema.readings import MESSAGE, Reading, add_message_fields, parse_reading, refuse_equal_names
@@ -39,11 +39,12 @@ typedef struct mavlink_omni_hil_sensors_t {{
 """
 FIRMWARE = """
 #include <cstring>
-struct Board {{ {board} }};
-struct TickSensors {{ {tick} }};
+{board}
+{tick}
+using namespace omni;
 static bool begun;
-void Board::begin_gyro() {{ begun = true; }}
-uint8_t Board::read_gyro(float *gyro_rad_s) {{ *gyro_rad_s = 2.5f; return 1; }}
+void BoardReadings::begin_gyro() {{ begun = true; }}
+uint8_t BoardReadings::read_gyro(float *gyro_rad_s) {{ *gyro_rad_s = 2.5f; return 1; }}
 
 static bool in_process_and_by_link() {{
     const hil_sensors_t sensors{{1.5, 1, {{3.0, 4.0}}, 2}};
@@ -51,7 +52,7 @@ static bool in_process_and_by_link() {{
     take_readings(&direct, &sensors);
     mavlink_omni_hil_sensors_t message{{}};
     fill_readings(&message, &sensors);
-    TickSensors there;
+    TickReadings there;
     there.from_message(message);
     there.to_inputs(&by_link);
     const bool gyro = by_link.gyro_rad_s == 1.5f && by_link.gyro_valid == 1;
@@ -60,8 +61,8 @@ static bool in_process_and_by_link() {{
 }}
 
 static bool by_board() {{
-    Board board;
-    TickSensors own;
+    BoardReadings board;
+    TickReadings own;
     own.gyro_valid = 1;
     own.from_board(board);
     const bool nothing_yet = !begun && own.gyro_valid == 0;
@@ -94,7 +95,8 @@ def test_readings_arrive_through_the_process_the_message_and_the_board_s_driver(
     text = C_MEMBERS.format(inputs=input_members(rows), sensors=world_members(rows))
     copies = [line for line in (input_copies(rows) + message_copies(rows)).splitlines() if not line.startswith("#")]
     text += "\n".join(copies)
-    text += FIRMWARE.format(board=board_members(rows, BOARDS, "w"), tick=tick_members(rows))
+    text += FIRMWARE.format(board=board_readings(rows, BOARDS, "w"), tick=tick_readings(rows))
+    text = text.replace("#pragma once", "")
     source = tmp_path / "way.cpp"
     source.write_text(text, encoding="utf-8")
     words = ["c++", "-std=c++17", "-Wall", "-Wextra", "-Werror", str(source), "-o", str(tmp_path / "way")]
@@ -175,7 +177,7 @@ def test_two_sensors_cannot_have_one_name() -> None:
 
 def test_a_board_that_does_not_exist_is_named() -> None:
     with pytest.raises(SchemaError, match=r"sensors\.gyro\.boards: names 'smal'.*there are big, small"):
-        board_members([reading("gyro", GYRO | {"boards": ["smal"]})], BOARDS, "w")
+        board_readings([reading("gyro", GYRO | {"boards": ["smal"]})], BOARDS, "w")
 
 
 @pytest.mark.parametrize("main", sorted((SHARED.parent / "firmware" / "boards").glob("*/main.cpp")), ids=str)

@@ -27,6 +27,7 @@ APP_SOURCES = (
     "tick/burst_recorder.cpp",
     "tick/control_loop.cpp",
     "tick/i2c_scan.cpp",
+    "tick/pin_tester.cpp",
     "drivers/pca9685.cpp",
     "drivers/pwm_pins.cpp",
     "tick/robot_setup.cpp",

@@ -17,13 +17,11 @@ import pytest
 from tests.native import ROOT, core_archive, kept_library
 from tests.parameter_sets import NOWHERE, TABLE, drawn_values
 
-OK, EMPTY, FOREIGN, FULL = 0, 1, 2, 3
+OK, EMPTY, FULL = 0, 1, 2
 DAMAGED = 2
 TEENSY, PC = 1080, 2048
 TAIL = 192
 HEADER, ENTRY, CRC = 16, 6, 4
-BY_INDEX = b"OMP2"
-"""The kind of set that earlier firmwares stored."""
 ALL_BITS = 0xFFFFFFFF
 KEY_AT, KEY_CONTENT = 0, 36
 TIME_AT, TIME_CONTENT = 96, 8
@@ -131,22 +129,10 @@ def test_a_set_that_needs_a_byte_more_than_a_slot_is_refused_and_the_old_one_sta
     assert store.load() == (OK, store.values(1.0, room))
 
 
-def reseal(
-    store: ParameterMemory,
-    slot: int,
-    *,
-    magic: bytes | None = None,
-    sequence: int | None = None,
-    schema: int | None = None,
-) -> None:
-    """Change header fields of a slot and its CRC with them."""
+def renumber(store: ParameterMemory, slot: int, sequence: int) -> None:
+    """Change the sequence number of a slot and its CRC with it."""
     at = slot * slot_size(len(store.bytes))
-    if magic is not None:
-        store.bytes[at : at + 4] = magic
-    if schema is not None:
-        struct.pack_into("<I", store.bytes, at + 4, schema)
-    if sequence is not None:
-        struct.pack_into("<I", store.bytes, at + 8, sequence)
+    struct.pack_into("<I", store.bytes, at + 8, sequence)
     (count,) = struct.unpack_from("<I", store.bytes, at + 12)
     length = HEADER + ENTRY * count
     struct.pack_into("<I", store.bytes, at + length, zlib.crc32(bytes(store.bytes[at : at + length])))
@@ -156,7 +142,7 @@ def reseal(
 def test_the_sequence_number_wraps_without_losing_a_save(sequence: int) -> None:
     store = ParameterMemory(TEENSY)
     assert store.save(store.values(1.0, 5)) == OK
-    reseal(store, 0, sequence=sequence)
+    renumber(store, 0, sequence)
     for generation in range(2, 8):
         before, (_, old) = bytes(store.bytes), store.load()
         new = store.values(float(generation), 5)
@@ -167,19 +153,6 @@ def test_the_sequence_number_wraps_without_losing_a_save(sequence: int) -> None:
         store.bytes[:] = before
         assert store.save(new) == OK
         assert store.load() == (OK, new)
-
-
-def test_a_foreign_set_is_named_and_replaced_by_a_save_cut_or_not() -> None:
-    store = ParameterMemory(TEENSY)
-    assert store.save(store.values(1.0, 9)) == OK
-    reseal(store, 0, magic=BY_INDEX, schema=0x12345678)
-    assert store.load() == (FOREIGN, store.own)
-    before = bytes(store.bytes)
-    new = store.values(2.0, 9)
-    for cut, word, torn in tears(HEADER + ENTRY * 9 + CRC, seed=4):
-        store.bytes[:] = before
-        store.save(new, cut, word, torn)
-        assert store.load() in ((FOREIGN, store.own), (OK, new)), (cut, word, torn)
 
 
 @pytest.mark.parametrize("count", [0, 1, 69, 70, 71, 1000, 0x7FFFFFFF, 0xFFFFFFFF, 0x2AAAAAA8])

@@ -17,20 +17,14 @@ from tests.radio.memory_robot import ERASED, MemoryRobot
 from tests.radio.station import usb
 
 TABLE = load_parameters(params_path())
-BY_INDEX, BY_NAME = b"OMP2", b"OMP3"
-TODAY = 0x51CF0BAF
-"""CRC of the table of the last firmware that stored by index."""
-OLDER = (0x6357FBE0, 0xA2825F89, 0xAAEABBE3)
-"""CRCs of the tables before, whose first indices mean the same."""
-OLD_ORDER = 0x04403996
-"""CRC-32 of the names of that table, in their order."""
+MAGIC = b"OMP3"
 STORE = mavlink.MAV_CMD_PREFLIGHT_STORAGE
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 
 
-def memory(entries: list[tuple[int, float]], magic: bytes = BY_NAME, schema: int = 0x12345678) -> bytes:
+def memory(entries: list[tuple[int, float]], schema: int = 0x12345678) -> bytes:
     """Return an otherwise erased memory with this set in its first slot."""
-    body = magic + struct.pack("<III", schema, 1, len(entries))
+    body = MAGIC + struct.pack("<III", schema, 1, len(entries))
     body += b"".join(struct.pack("<Hf", key, value) for key, value in entries)
     body += struct.pack("<I", zlib.crc32(body))
     return body + ERASED[len(body) :]
@@ -101,22 +95,6 @@ def test_many_values_that_do_not_fit_are_counted_after_the_first_few() -> None:
     assert "14 more stored values left out" in texts
 
 
-@pytest.mark.parametrize("schema", [TODAY, *OLDER])
-def test_a_set_stored_by_index_is_read_by_the_old_order(schema: int) -> None:
-    """Firmwares of before stored indices; their tables began as today's does."""
-    names = ("ISMC_LAM_XY", "LIM_V")
-    entries = [(TABLE[name].index, value) for name, value in zip(names, (7.0, 0.25), strict=True)]
-    assert started(memory(entries, BY_INDEX, schema), *names) == ([7.0, 0.25], [])
-
-
-@pytest.mark.parametrize(("schema", "count"), [(TODAY, 135), (0x6357FBE0, 135), (0xA2825F89, 133), (0xAAEABBE3, 133)])
-def test_an_index_beyond_the_old_table_is_left_out(schema: int, count: int) -> None:
-    """What was no parameter then is none now, whatever stands at that place today."""
-    name = list(TABLE)[count]
-    _, texts = started(memory([(count, TABLE[name].minimum)], BY_INDEX, schema), name)
-    assert texts == ["1 stored values left out: unknown here"]
-
-
 def test_stored_values_that_fit_only_together_are_all_used() -> None:
     """Two channels changed places: one after another, each would clash with the robot's own of the other."""
     names = ("W1_IN1_CH", "W2_IN1_CH")
@@ -124,40 +102,14 @@ def test_stored_values_that_fit_only_together_are_all_used() -> None:
     assert started(memory(by_name(dict(zip(names, (second, first), strict=True)))), *names) == ([second, first], [])
 
 
-def test_a_set_by_index_of_an_unknown_table_is_not_used_and_said() -> None:
-    entries = [(TABLE["LIM_V"].index, 0.25)]
-    found, texts = started(memory(entries, BY_INDEX, 0x01020304), "LIM_V")
-    assert (found, texts) == (own("LIM_V"), ["stored parameters are too old: not used"])
-
-
-def test_a_load_of_an_unknown_table_is_refused_with_the_reason() -> None:
-    entries = [(TABLE["LIM_V"].index, 0.25)]
-    with MemoryRobot(memory(entries, BY_INDEX, 0x01020304)) as robot:
-        robot.run(50)
-        station = usb(robot)
-        station.run(50)
-        station.mav.command_long_send(1, 1, STORE, 0, 0, 0, 0, 0, 0, 0, 0)
-        answers = station.run(50)
-    assert [m.result for m in answers if m.get_type() == "COMMAND_ACK"] == [mavlink.MAV_RESULT_FAILED]
-    assert "stored parameters are too old: not used" in [m.text for m in answers if m.get_type() == "STATUSTEXT"]
-
-
-def test_todays_table_still_begins_in_the_order_of_the_old_ones() -> None:
-    """If this fails, an index means another parameter: delete ``old_tables`` of param_store.cpp."""
-    names = [p.name for p in TABLE.parameters][:135]
-    assert zlib.crc32(",".join(names).encode()) == OLD_ORDER
-
-
 def test_the_next_save_keeps_what_was_used() -> None:
-    entries = [(TABLE["LIM_V"].index, 0.25)]
-    with MemoryRobot(memory(entries, BY_INDEX, TODAY)) as robot:
+    with MemoryRobot(memory(by_name({"LIM_V": 0.25, "GONE": 1.0}))) as robot:
         robot.run(50)
         station = usb(robot)
         station.mav.command_long_send(1, 1, STORE, 0, 1, 0, 0, 0, 0, 0, 0)
         acks = [m.result for m in station.run(200) if m.get_type() == "COMMAND_ACK"]
         assert acks == [ACCEPTED]
         image = robot.storage()[0]
-    assert BY_NAME in bytes(image)
     assert started(bytes(image), "LIM_V") == ([0.25], [])
 
 

@@ -8,6 +8,7 @@
 
 #include "app/base/flow_chip.h"
 #include "app/base/gyro_chip.h"
+#include "omni/board_readings_gen.h"
 #include "omni/types.h"
 
 namespace omni {
@@ -207,8 +208,8 @@ struct MemoryFree {
 /// 1.8 s of every signal of four wheels, a sample per tick.
 constexpr size_t default_burst_bytes = size_t{192} * 1024;
 
-/// Interfaces and properties of a board.
-struct Board {
+/// Interfaces and properties of a board. It calls its use_NAME() of BoardReadings.
+struct Board : BoardReadings {
     static constexpr size_t max_ports = 4;
     Clock *clock = nullptr;
     Encoders *encoders = nullptr;
@@ -233,8 +234,6 @@ struct Board {
     size_t burst_bytes = 0;
     /// nullptr: not known. Called from the background.
     MemoryFree (*memory_free)() = nullptr;
-    // Drivers of the sensors that name their boards in [sensors] of shared/world.toml. A board calls its use_NAME().
-#include "omni/board_readings_gen.h"
 };
 
 } // namespace omni

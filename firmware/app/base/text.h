@@ -9,6 +9,11 @@
 
 namespace omni {
 
+/// A byte as two hexadecimal digits.
+struct HexByte {
+    uint8_t value;
+};
+
 /// Text of at most 50 characters (one STATUSTEXT), truncated. Not inlined, to save fast memory: texts have no deadline.
 class Text {
 public:
@@ -66,6 +71,20 @@ public:
             }
         } else if (scaled == 0 && value > 0.0f) {
             add(".0000");
+        }
+        return *this;
+    }
+    Text &add(HexByte byte) {
+        const char *digits = "0123456789ABCDEF";
+        const char written[] = {'0', 'x', digits[byte.value >> 4], digits[byte.value & 0xF], '\0'};
+        return add(written);
+    }
+    /// Add a pattern in which each `#` stands for the next number.
+    template <class Number>
+    [[gnu::noinline]] Text &fill(const char *pattern, const Number *numbers) {
+        for (; *pattern != '\0'; ++pattern) {
+            const char letter[] = {*pattern, '\0'};
+            *pattern == '#' ? add(*numbers++) : add(letter);
         }
         return *this;
     }

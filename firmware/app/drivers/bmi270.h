@@ -57,18 +57,18 @@ inline constexpr uint8_t expected_gyro[] = {quiet_3200_Hz_osr2, range_2000_dps};
 inline constexpr uint8_t expected_power[] = {no_power_save, gyro_on};
 inline constexpr uint8_t expected_status[] = {initialised};
 inline constexpr uint8_t measures[] = {gyro_data_ready};
-inline constexpr GyroLook looks[] = {{reg_gyr_conf, sizeof expected_gyro, expected_gyro},
-                                     {reg_pwr_conf, sizeof expected_power, expected_power},
-                                     {reg_internal_status, 1, expected_status, initialised_mask},
-                                     {reg_status, 1, measures, gyro_data_ready, GyroCause::silent}};
+inline constexpr RegisterCheck checks[] = {{reg_gyr_conf, sizeof expected_gyro, expected_gyro},
+                                           {reg_pwr_conf, sizeof expected_power, expected_power},
+                                           {reg_internal_status, 1, expected_status, initialised_mask},
+                                           {reg_status, 1, measures, gyro_data_ready, GyroCause::silent}};
 
 inline constexpr GyroRegisters registers = {reg_chip_id,
                                             0x24,
                                             nullptr,
                                             steps,
                                             sizeof steps / sizeof steps[0],
-                                            looks,
-                                            sizeof looks / sizeof looks[0],
+                                            checks,
+                                            sizeof checks / sizeof checks[0],
                                             reg_gyr_x_lsb,
                                             false,
                                             0,

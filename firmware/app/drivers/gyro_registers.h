@@ -32,7 +32,7 @@ struct GyroStep {
 };
 
 /// Registers that are read back periodically in place of a reading, with their expected values.
-struct GyroLook {
+struct RegisterCheck {
     uint8_t reg = 0;
     uint8_t count = 0;
     const uint8_t *expected = nullptr;
@@ -47,8 +47,8 @@ struct GyroRegisters {
     GyroWrites before_identity = nullptr; ///< writes before the identity check; nullptr: none
     const GyroStep *steps = nullptr;
     uint8_t step_count = 0;
-    const GyroLook *looks = nullptr; ///< settings first
-    uint8_t look_count = 0;
+    const RegisterCheck *checks = nullptr; ///< settings first
+    uint8_t check_count = 0;
     uint8_t data_reg = 0; ///< x, y, z, two bytes each
     bool high_byte_first = false;
     /// Reading on all three axes that marks "no data" (gyro off or starting): triggers a read-back of the settings. For

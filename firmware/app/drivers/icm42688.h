@@ -70,15 +70,15 @@ inline constexpr GyroStep steps[] = {{GyroStep::Kind::write, reset, 2000}, {Gyro
 /// From reg_intf_config1 on.
 inline constexpr uint8_t expected[] = {no_adaptive_range,   gyro_low_noise, range_2000_dps_1_kHz,
                                        accel_config0_reset, ui_first_order, ui_half_rate};
-inline constexpr GyroLook looks[] = {{reg_intf_config1, sizeof expected, expected}};
+inline constexpr RegisterCheck checks[] = {{reg_intf_config1, sizeof expected, expected}};
 
 inline constexpr GyroRegisters registers = {reg_who_am_i,
                                             0x47,
                                             bank_0,
                                             steps,
                                             sizeof steps / sizeof steps[0],
-                                            looks,
-                                            sizeof looks / sizeof looks[0],
+                                            checks,
+                                            sizeof checks / sizeof checks[0],
                                             reg_gyro_data,
                                             true,
                                             INT16_MIN,

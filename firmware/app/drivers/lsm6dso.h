@@ -53,8 +53,8 @@ inline constexpr GyroStep steps[] = {{GyroStep::Kind::write, reset, 15'000}, {Gy
 inline constexpr uint8_t expected[] = {accelerometer_off, rate_1660_Hz_2000_dps, block_update,    filter_on,
                                        no_self_test,      filter_453_Hz,         high_performance};
 inline constexpr uint8_t measures[] = {gyro_data_ready};
-inline constexpr GyroLook looks[] = {{reg_ctrl1_xl, sizeof expected, expected},
-                                     {reg_status, 1, measures, gyro_data_ready, GyroCause::silent}};
+inline constexpr RegisterCheck checks[] = {{reg_ctrl1_xl, sizeof expected, expected},
+                                           {reg_status, 1, measures, gyro_data_ready, GyroCause::silent}};
 
 /// 70 mdps a step: ST's figure, which is not its range over 2^15.
 constexpr float rad_s_per_step = 0.07f * 0.017453293f;
@@ -66,8 +66,8 @@ constexpr GyroRegisters with_identity(uint8_t identity) {
             nullptr,
             steps,
             sizeof steps / sizeof steps[0],
-            looks,
-            sizeof looks / sizeof looks[0],
+            checks,
+            sizeof checks / sizeof checks[0],
             reg_outx_l_g,
             false,
             0,

@@ -152,7 +152,7 @@ void RegisterGyro::begin_run() {
     phase_ = Phase::run;
     suspicious_ = true;
     readback_error_ = have_used_ = last_rejected_ = noisy_ = false;
-    look_ = 0;
+    check_ = 0;
     readings_since_readback_ = 0;
     invalid_ = same_ = 0;
     window_ = jumps_ = 0;
@@ -161,18 +161,18 @@ void RegisterGyro::begin_run() {
 /// A wrong read-back is an error only twice in a row (bit errors). The second time the settings are checked first, as a
 /// chip that has lost them does not measure, either.
 void RegisterGyro::check_readback(uint64_t now_us, const uint8_t *bytes) {
-    const GyroLook &look = chip_.looks[look_];
+    const RegisterCheck &check = chip_.checks[check_];
     readings_since_readback_ = 0;
-    const bool right = std::equal(bytes, bytes + look.count, look.expected,
-                                  [&look](uint8_t seen, uint8_t wanted) { return (seen & look.mask) == wanted; });
+    const bool right = std::equal(bytes, bytes + check.count, check.expected,
+                                  [&check](uint8_t seen, uint8_t wanted) { return (seen & check.mask) == wanted; });
     if (!right && readback_error_) {
-        restart_chip(now_us, look.cause);
+        restart_chip(now_us, check.cause);
     } else if (!right) {
         suspicious_ = readback_error_ = true;
-        look_ = 0;
-    } else if (++look_ == chip_.look_count) {
+        check_ = 0;
+    } else if (++check_ == chip_.check_count) {
         suspicious_ = readback_error_ = false;
-        look_ = 0;
+        check_ = 0;
     }
 }
 
@@ -340,7 +340,7 @@ void RegisterGyro::send_next(uint64_t now_us) {
     }
     looking_ = suspicious_ || ++readings_since_readback_ >= look_interval;
     if (looking_) {
-        send_read(now_us, chip_.looks[look_].reg, chip_.looks[look_].count);
+        send_read(now_us, chip_.checks[check_].reg, chip_.checks[check_].count);
     } else {
         send_read(now_us, chip_.data_reg, reading_bytes);
     }

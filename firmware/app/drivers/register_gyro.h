@@ -97,7 +97,7 @@ private:
     bool have_used_ = false;      ///< used_ is valid
     bool last_rejected_ = false;  ///< the last reading was rejected as a jump
     bool noisy_ = false;          ///< too many jumps in the last window
-    uint8_t look_ = 0;            ///< index of the next read-back
+    uint8_t check_ = 0;           ///< index of the next read-back
     uint8_t busy_ticks_ = 0;
     uint8_t failures_ = 0;                 ///< consecutive failed transfers
     uint8_t invalid_ = 0;                  ///< consecutive "no data" readings

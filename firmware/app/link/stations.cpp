@@ -16,7 +16,7 @@ OMNI_COLD void Stations::restart() {
 
 OMNI_COLD size_t Stations::find(const Sender &sender) const {
     size_t i = 0;
-    while (i < most && !(stations_[i].used && stations_[i].who == sender)) {
+    while (i < most && !(stations_[i].used && stations_[i].sender == sender)) {
         ++i;
     }
     return i;
@@ -43,7 +43,7 @@ OMNI_COLD size_t Stations::find_or_add(const Sender &sender, uint64_t now_us) {
     if (i == most) {
         i = free_place();
         stations_[i] = Station{};
-        stations_[i].who = sender;
+        stations_[i].sender = sender;
         stations_[i].used = true;
     }
     stations_[i].seen_us = now_us;
@@ -96,7 +96,7 @@ OMNI_COLD void Stations::start_drive(const Sender &sender) {
 OMNI_COLD void Stations::end_other_drives(const Sender &sender) {
     for (size_t i = 0; i < most; ++i) {
         Station &station = stations_[i];
-        if ((station.drove || i == commander_) && !(station.who == sender)) {
+        if ((station.drove || i == commander_) && !(station.sender == sender)) {
             station.ended = true;
             station.drove = false;
         }
@@ -115,7 +115,7 @@ uint64_t Stations::heard_us(const Sender &sender) const {
 uint64_t Stations::heard_us(size_t link) const {
     uint64_t latest_us = 0;
     for (const Station &station : stations_) {
-        latest_us = station.used && station.who.link == link ? std::max(latest_us, station.heard_us) : latest_us;
+        latest_us = station.used && station.sender.link == link ? std::max(latest_us, station.heard_us) : latest_us;
     }
     return latest_us;
 }

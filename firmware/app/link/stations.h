@@ -43,9 +43,9 @@ public:
     bool counts(const Sender &sender) const { return commander_ == most || find(sender) == commander_; }
     bool commands(const Sender &sender) const { return commander_ != most && find(sender) == commander_; }
     /// Link of the station in command, or `no_link`.
-    size_t commander() const { return commander_ == most ? no_link : stations_[commander_].who.link; }
+    size_t commander() const { return commander_ == most ? no_link : stations_[commander_].sender.link; }
     /// Station in command; default if none.
-    Sender holder() const { return commander_ == most ? Sender{} : stations_[commander_].who; }
+    Sender holder() const { return commander_ == most ? Sender{} : stations_[commander_].sender; }
     /// Put this sender in command; ends the drives of all others.
     void take_command(const Sender &sender, uint64_t now_us);
     void release();
@@ -68,7 +68,7 @@ public:
 
 private:
     struct Station {
-        Sender who;
+        Sender sender;
         uint64_t heard_us = 0;    ///< latest heartbeat; 0: none
         uint64_t seen_us = 0;     ///< latest heartbeat, setpoint or command
         uint64_t streamed_us = 0; ///< latest setpoint; 0: none

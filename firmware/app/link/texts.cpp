@@ -46,13 +46,14 @@ void Texts::refuse(uint8_t severity, const Text &text) {
     }
 }
 
-void Texts::refuse_rate_limited(uint64_t (&said_us)[Board::max_ports], const Text &text) {
+void Texts::refuse_rate_limited(uint64_t (&reported_us)[Board::max_ports], const Text &text) {
     const size_t link = requester_ < links_.count() ? requester_ : 0;
-    if (said_us[link] != 0 && clock_.now_us >= said_us[link] && clock_.now_us - said_us[link] < streamed_interval_us) {
+    if (reported_us[link] != 0 && clock_.now_us >= reported_us[link] &&
+        clock_.now_us - reported_us[link] < streamed_interval_us) {
         gates_[link].refusals.count();
         return;
     }
-    said_us[link] = clock_.now_us > 0 ? clock_.now_us : 1;
+    reported_us[link] = clock_.now_us > 0 ? clock_.now_us : 1;
     refuse(MAV_SEVERITY_WARNING, text);
 }
 

@@ -26,8 +26,9 @@ public:
     /// Send the reason of a refusal to the requesting link, at most one a second after a burst; to all links if there
     /// is no request.
     void refuse(uint8_t severity, const Text &text);
-    /// Refusal of a streamed message, at most once a second. @param said_us time of the last one on each link; 0: none.
-    void refuse_rate_limited(uint64_t (&said_us)[Board::max_ports], const Text &text);
+    /// Refusal of a streamed message, at most once a second. @param reported_us time of the last one on each link; 0:
+    /// none.
+    void refuse_rate_limited(uint64_t (&reported_us)[Board::max_ports], const Text &text);
     /// Report the number of suppressed texts, if any.
     void report_suppressed();
 

@@ -69,7 +69,7 @@ OMNI_COLD uint8_t BurstLog::start(float duration_s, float every, float signals, 
     return MAV_RESULT_ACCEPTED;
 }
 
-OMNI_COLD void BurstLog::send_entry(const Sender &sender) {
+OMNI_COLD void BurstLog::on_request_list(const Sender &sender) {
     mavlink_log_entry_t entry{};
     entry.size = static_cast<uint32_t>(control_.burst.size());
     entry.num_logs = entry.size > 0 ? 1 : 0;
@@ -78,7 +78,8 @@ OMNI_COLD void BurstLog::send_entry(const Sender &sender) {
     links_.reply(sender, MAVLINK_MSG_ID_LOG_ENTRY, entry);
 }
 
-OMNI_COLD void BurstLog::begin(const mavlink_log_request_data_t &request, const Sender &sender) {
+OMNI_COLD void BurstLog::on_request_data(const Frame &frame, const Sender &sender) {
+    const auto request = frame.as<mavlink_log_request_data_t>();
     const auto size = static_cast<uint32_t>(control_.burst.size());
     if (request.id != log_id || request.ofs >= size || request.count == 0) {
         mavlink_log_data_t nothing{};
@@ -91,32 +92,9 @@ OMNI_COLD void BurstLog::begin(const mavlink_log_request_data_t &request, const 
     streams_[sender.link] = {request.ofs, request.ofs + count, true};
 }
 
-OMNI_COLD void BurstLog::erase() {
+OMNI_COLD void BurstLog::on_erase(const Sender &) {
     if (!control_.burst.erase()) {
         texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("there are no logs to erase"));
-    }
-}
-
-/// Broadcast requests are not answered: all robots on a shared radio would respond at once.
-OMNI_COLD bool BurstLog::take(const Frame &frame, const Sender &sender) {
-    if (frame.target_system == 0) {
-        return false;
-    }
-    switch (frame.id) {
-    case MAVLINK_MSG_ID_LOG_REQUEST_LIST:
-        send_entry(sender);
-        return true;
-    case MAVLINK_MSG_ID_LOG_REQUEST_DATA:
-        begin(frame.as<mavlink_log_request_data_t>(), sender);
-        return true;
-    case MAVLINK_MSG_ID_LOG_REQUEST_END:
-        forget(sender.link);
-        return true;
-    case MAVLINK_MSG_ID_LOG_ERASE:
-        erase();
-        return true;
-    default:
-        return false;
     }
 }
 

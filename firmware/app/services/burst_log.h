@@ -20,8 +20,11 @@ public:
 
     /// MAV_CMD_OMNI_BURST. @param wait start with the next excitation. @return MAV_RESULT
     uint8_t start(float duration_s, float every, float signals, float wheels, float wait);
-    /// Handle a message of the log protocol. @return false if it is another message.
-    bool take(const Frame &frame, const Sender &sender);
+    // Messages of the log protocol.
+    void on_request_list(const Sender &sender);
+    void on_request_data(const Frame &frame, const Sender &sender);
+    void on_request_end(const Sender &sender) { forget(sender.link); }
+    void on_erase(const Sender &sender);
     /// Send requested data as far as the links accept it.
     void serve();
     /// Cancel the transfer on a link with a new peer.
@@ -36,9 +39,6 @@ private:
     };
     uint8_t refuse(const Text &why);
     bool plan(float duration_s, float every, float signals, float wheels, BurstPlan &plan) const;
-    void send_entry(const Sender &sender);
-    void begin(const mavlink_log_request_data_t &request, const Sender &sender);
-    void erase();
     bool send_piece(size_t link, Stream &stream);
 
     Links &links_;

@@ -292,22 +292,20 @@ uint8_t Commands::refuse_pin_test(uint8_t result, const char *why) {
 
 OMNI_COLD uint8_t Commands::test_pin(float duration_s, float release) {
     const omni_outputs_t &now = robot_.latest().outputs;
-    const bool in_range = duration_s >= PinTest::min_s && duration_s <= PinTest::max_s;
+    const bool in_range = duration_s >= PinTester::min_s && duration_s <= PinTester::max_s;
     if (!in_range || (release != 0.0f && release != 1.0f)) {
         return refuse_pin_test(MAV_RESULT_DENIED, "0.1 to 2 s, and 0 or 1");
     }
     if (!robot_.hil() && !output_enable_.wired()) {
         return refuse_pin_test(MAV_RESULT_UNSUPPORTED, "no output-enable pin");
     }
-    const auto large = [](omni_real_t duty) { return omni_absf(duty) > PinTest::max_duty; };
+    const auto large = [](omni_real_t duty) { return omni_absf(duty) > PinTester::max_duty; };
     if (!now.drive || now.setpoint_kind != OMNI_SETPOINT_DUTY ||
         std::any_of(now.duty, now.duty + OMNI_MAX_WHEELS, large)) {
         return refuse_pin_test(MAV_RESULT_DENIED, "arm, duties up to 0.3 first");
     }
-    PinTest test;
-    test.ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
-    test.release = release == 1.0f;
-    control_.request_pin_test(test);
+    const auto ticks = static_cast<uint32_t>(duration_s * (1e6f / static_cast<float>(OMNI_TICK_US))) + 1;
+    control_.request_pin_test(ticks, release == 1.0f);
     return MAV_RESULT_ACCEPTED;
 }
 

@@ -15,11 +15,7 @@ Text parameter_text(int32_t index) {
     return text;
 }
 
-const char *problem_at_boot(StoreResult result) {
-    return result == StoreResult::foreign ? "stored parameters are too old: not used"
-                                          : "stored parameters do not fit: not used";
-}
-
+constexpr const char *inconsistent = "stored parameters do not fit: not used";
 constexpr const char *damaged = "stored parameters are damaged: not used";
 constexpr const char *one_damaged = "a stored parameter set is damaged: the other used";
 
@@ -278,7 +274,7 @@ OMNI_COLD uint8_t Parameters::load() {
         texts_.refuse(MAV_SEVERITY_NOTICE, Text().add("nothing stored: the robot's own values are used"));
         return adopt_or_report(board_.robot_values) ? MAV_RESULT_ACCEPTED : MAV_RESULT_FAILED;
     }
-    texts_.refuse(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(result)));
+    texts_.refuse(MAV_SEVERITY_ERROR, Text().add(inconsistent));
     return MAV_RESULT_FAILED;
 }
 
@@ -314,8 +310,8 @@ void Parameters::report_boot_problems() {
     if (robot_.unusable_value() != nullptr) {
         texts_.say(MAV_SEVERITY_CRITICAL, Text().add("own values do not fit: ").add(robot_.unusable_value()));
     }
-    if (boot_result_ == StoreResult::foreign || boot_result_ == StoreResult::failed) {
-        texts_.say(MAV_SEVERITY_ERROR, Text().add(problem_at_boot(boot_result_)));
+    if (boot_result_ == StoreResult::failed) {
+        texts_.say(MAV_SEVERITY_ERROR, Text().add(inconsistent));
     } else {
         report_rejected_params();
     }

@@ -50,11 +50,6 @@ OMNI_COLD void Setpoints::refuse(const char *why) {
     texts_.refuse_rate_limited(last_text_us_, Text().add("setpoint refused: ").add(why));
 }
 
-bool Setpoints::is_setpoint(const Frame &frame) {
-    return frame.id == MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED || frame.id == MAVLINK_MSG_ID_MANUAL_CONTROL ||
-           frame.id == MAVLINK_MSG_ID_OMNI_SETPOINT_DUTY;
-}
-
 OMNI_COLD void Setpoints::refuse_ended() {
     if (robot_.armed()) {
         texts_.refuse_rate_limited(last_text_us_, Text().add("setpoint refused: its drive has ended"));
@@ -112,7 +107,7 @@ const char *Setpoints::pose_target(const mavlink_set_position_target_local_ned_t
 }
 
 /// The rate that ends a heading error in SAFE_CMD_TO, but not in less than half a second. So the robot does not turn
-/// too far before the next setpoint comes, however seldom they come. Rate and result in NED. @param rate feed-forward
+/// too far before the next setpoint arrives, at any rate of setpoints. Rate and result in NED. @param rate feed-forward
 float Setpoints::turn_towards(float yaw, float rate) const {
     constexpr float quickest_s = 0.5f;
     const omni_limits_t &limits = parameters_.config().limits;

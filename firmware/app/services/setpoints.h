@@ -18,7 +18,6 @@ public:
               const Parameters &parameters)
         : texts_(texts), clock_(clock), robot_(robot), control_(control), parameters_(parameters) {}
 
-    static bool is_setpoint(const Frame &frame);
     /// Refuse a setpoint of a drive that has ended. Reported while armed; does not set refused(), which is for the
     /// station in command.
     void refuse_ended();

@@ -23,17 +23,19 @@ public:
     void greet(size_t link);
 
 private:
+    /// A gyro's or floor odometry sensor's fault.
+    struct SensorTrouble {
+        const char *sensor;
+        uint8_t cause; ///< GyroCause or FlowCause; 0: none
+        const char *text;
+        HexByte bytes[2]; ///< read and expected
+    };
     void report_state(uint8_t state);
     void report_link_changes();
     void report_button();
     void report_read_back();
-    /// Does `cause` differ from the last one reported on this link? If connected, it is marked as reported.
-    template <typename Cause>
-    bool is_new_cause(size_t link, Cause &said, Cause cause) const {
-        const bool news = cause != said && links_[link].connected();
-        said = news ? cause : said;
-        return news;
-    }
+    void report_sensor(const SensorTrouble &trouble, uint8_t *reported);
+    bool is_repetition_due(uint64_t &reported_us) const;
     void reset_sensor_reports(size_t link);
     void report_gyro();
     void report_flow();
@@ -54,12 +56,12 @@ private:
     uint8_t state_ = OMNI_STATE_INIT;
     uint8_t phase_ = OMNI_PHASE_NONE;
     uint32_t history_ = 0;
-    uint64_t slowed_said_us_ = 0;  ///< 0: not yet
-    uint64_t limited_said_us_ = 0; ///< the same of currents
-    bool read_back_said_ = false;
-    GyroCause gyro_said_[Board::max_ports] = {};
-    FlowCause flow_said_[Board::max_ports] = {};
-    bool button_said_[Board::max_ports] = {};
+    uint64_t slowdown_reported_us_ = 0;      ///< 0: not yet
+    uint64_t current_limit_reported_us_ = 0; ///< the same of currents
+    bool read_back_reported_ = false;
+    uint8_t gyro_reported_[Board::max_ports] = {}; ///< last cause reported on each link
+    uint8_t flow_reported_[Board::max_ports] = {};
+    bool button_reported_[Board::max_ports] = {};
 };
 
 } // namespace omni

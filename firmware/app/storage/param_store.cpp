@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <iterator>
 
 #include "app/base/crc32.h"
 #include "app/base/flash_code.h"
@@ -13,21 +12,13 @@
 namespace omni {
 namespace {
 
-constexpr uint32_t magic = 0x33504D4F;          // "OMP3"
-constexpr uint32_t magic_by_index = 0x32504D4F; // "OMP2": entries hold an index instead of a storage key
+constexpr uint32_t magic = 0x33504D4F; // "OMP3"
 constexpr size_t at_schema = 4;
 constexpr size_t at_sequence = 8;
 constexpr size_t at_count = 12;
 constexpr size_t header_length = 16;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
-
-/// Tables of firmwares that stored by index, and their number of parameters. Same order as the current table.
-struct OldTable {
-    uint32_t schema;
-    int32_t count;
-};
-constexpr OldTable old_tables[] = {{0x51cf0baf, 135}, {0x6357fbe0, 135}, {0xa2825f89, 133}, {0xaaeabbe3, 133}};
 
 int32_t parameter_of_key(uint16_t key) {
     for (int32_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
@@ -36,13 +27,6 @@ int32_t parameter_of_key(uint16_t key) {
         }
     }
     return -1;
-}
-
-/// @return number of valid indices of the old table with this CRC; 0: unknown table.
-int32_t indices_of(uint32_t schema) {
-    const auto *found = std::find_if(std::begin(old_tables), std::end(old_tables),
-                                     [schema](const OldTable &table) { return table.schema == schema; });
-    return found == std::end(old_tables) ? 0 : found->count;
 }
 
 } // namespace
@@ -63,9 +47,7 @@ OMNI_COLD Slot ParamStore::judge() const {
     }
     slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
     const size_t count = read_u32(buffer_ + at_count);
-    const uint32_t kind = read_u32(buffer_);
-    if ((kind != magic && kind != magic_by_index) ||
-        count > (slot_size() - header_length - crc_length) / entry_length) {
+    if (read_u32(buffer_) != magic || count > (slot_size() - header_length - crc_length) / entry_length) {
         return slot;
     }
     const size_t length = header_length + count * entry_length;
@@ -79,16 +61,11 @@ OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
     if (!read_newest()) {
         return StoreResult::empty;
     }
-    const bool by_index = read_u32(buffer_) == magic_by_index;
-    const int32_t indices = by_index ? indices_of(read_u32(buffer_ + at_schema)) : 0;
-    if (by_index && indices == 0) {
-        return StoreResult::foreign;
-    }
     const size_t count = read_u32(buffer_ + at_count);
     for (size_t i = 0; i < count; ++i) {
         const uint8_t *entry = buffer_ + header_length + i * entry_length;
         const auto key = static_cast<uint16_t>(entry[0] | entry[1] << 8);
-        const int32_t index = by_index ? (key < indices ? key : -1) : parameter_of_key(key);
+        const int32_t index = parameter_of_key(key);
         omni_real_t value = 0.0f;
         std::memcpy(&value, entry + 2, sizeof value);
         if (omni_param_check(index, value, false) == OMNI_OK) {

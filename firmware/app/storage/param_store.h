@@ -19,10 +19,9 @@ namespace omni {
 
 enum class StoreResult : uint8_t {
     ok,
-    empty,   ///< nothing valid is stored
-    foreign, ///< set of an old firmware, stored by index of an unknown table
-    full,    ///< more values than a slot holds
-    failed,  ///< write error
+    empty,  ///< nothing valid is stored
+    full,   ///< more values than a slot holds
+    failed, ///< write error
 };
 
 /// Values of a stored set that were rejected.

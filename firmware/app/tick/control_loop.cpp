@@ -1,26 +1,16 @@
 // SPDX-License-Identifier: MIT
 #include "app/tick/control_loop.h"
 
-#include <algorithm>
-#include <cmath>
 #include <cstring>
 
 namespace omni {
-namespace {
-
-/// Limit of |voltage| per tick in the integral [1e-6 V s]: larger values, possible only from a simulator, are ignored
-/// to prevent an overflow of the conversion.
-constexpr float most_volt_us = 1e9f;
-
-} // namespace
-
 void ControlLoop::hold() {
     setpoints_void_before_.store(++order_, std::memory_order_relaxed);
     stop(OMNI_EVENT_TRAJECTORY_STOP);
 }
 
-void ControlLoop::request_pin_test(const PinTest &test) {
-    pin_test_wanted_.store(test.ticks * 2 + (test.release ? 1 : 0), std::memory_order_relaxed);
+void ControlLoop::request_pin_test(uint32_t ticks, bool release) {
+    pin_tester_.request(ticks, release);
     set_pending(pending_pin_test);
 }
 
@@ -91,8 +81,7 @@ void ControlLoop::restart() {
     driver_->set_wiring(setup_->wiring);
     driver_was_ready_ = false;
     scan_.restart();
-    all_off_ticks_left_ = 0;
-    pin_test_ = {};
+    pin_tester_.restart();
     powered_ = false;
     ticks_ = 0;
     omni_robot_init(&robot_, &setup_->config);
@@ -117,7 +106,10 @@ void ControlLoop::apply(const Request &request) {
         inputs_.events |= OMNI_EVENT_SET_POSE;
         break;
     case Request::Kind::i2c_scan:
-        begin_scan();
+        // The driver initialises its chip again afterwards; arming is refused until then.
+        if (outputs_->state != OMNI_STATE_ARMED && scan_.start()) {
+            driver_was_ready_ = false;
+        }
         break;
     }
 }
@@ -137,8 +129,8 @@ void ControlLoop::process_pending_data(uint32_t flags) {
         static_cast<int32_t>(setpoints_.reading().order - oldest_valid_) >= 0) {
         inputs_.setpoint = setpoints_.reading().setpoint;
     }
-    if ((flags & pending_pin_test) != 0) {
-        begin_pin_test(pin_test_wanted_.load(std::memory_order_relaxed));
+    if ((flags & pending_pin_test) != 0 && !pin_tester_.begin(*outputs_, setup_->config.kinematics.wheels)) {
+        inputs_.events |= OMNI_EVENT_DISARM;
     }
     if ((flags & pending_excitation) != 0 && excitations_.update()) {
         start_pending_excitation();
@@ -223,65 +215,6 @@ void ControlLoop::process_plan() {
     }
 }
 
-/// The driver initialises its chip again afterwards; arming is refused until then.
-void ControlLoop::begin_scan() {
-    if (outputs_->state != OMNI_STATE_ARMED && !scan_.running()) {
-        driver_was_ready_ = false;
-        all_off_ticks_left_ = all_off_attempts;
-        scan_.start();
-    }
-}
-
-/// Requires small open-loop duties: a closed loop would raise them while the wheels do not respond. A retransmission
-/// has no effect.
-void ControlLoop::begin_pin_test(uint32_t wanted) {
-    if (pin_test_.ticks != 0 || !outputs_->drive) {
-        return;
-    }
-    bool small = outputs_->setpoint_kind == OMNI_SETPOINT_DUTY;
-    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
-        small = small && std::abs(outputs_->duty[i]) <= PinTest::max_duty;
-    }
-    if (small) {
-        pin_test_.ticks = wanted / 2;
-        pin_test_.release = wanted % 2 != 0;
-    } else {
-        inputs_.events |= OMNI_EVENT_DISARM; // the duties have increased since it was accepted: disarm, as at its end
-    }
-}
-
-/// During the test the core gets the actual duties, 0, so that no stall is detected and no voltage is integrated. A
-/// stream of zeros cannot time out, so the timeout of the sender's duties is checked here. It ends the test.
-void ControlLoop::prepare_pin_test() {
-    if (pin_test_.ticks == 0) {
-        return;
-    }
-    std::fill(inputs_.setpoint.duty, inputs_.setpoint.duty + OMNI_MAX_WHEELS, 0.0f);
-    --pin_test_.ticks;
-    const uint64_t timeout_us = static_cast<uint64_t>(setup_->config.limits.command_timeout_s * 1e6f);
-    const bool timed_out = inputs_.time_us > inputs_.setpoint.time_us + timeout_us;
-    if (pin_test_.ticks == 0 || timed_out || inputs_.setpoint.kind != OMNI_SETPOINT_DUTY) {
-        pin_test_.ticks = 0;
-        inputs_.events |= OMNI_EVENT_DISARM;
-    }
-}
-
-/// Runs instead of the motor driver. @return false if no test is active: a stop ends it and reaches the bus in the same
-/// tick.
-bool ControlLoop::run_pin_test(OutputEnable &pin) {
-    if (pin_test_.ticks == 0 || !outputs_->drive) {
-        pin_test_.ticks = 0;
-        return false;
-    }
-    powered_ = false;
-    if (pin_test_.release) {
-        pin.release();
-    } else {
-        pin.set(false);
-    }
-    return true;
-}
-
 /// Change the motor driver: the previous one is switched off, the new one starts from an unknown state.
 void ControlLoop::use_wiring(MotorWires &wires) {
     MotorDriver &wanted = drivers_.of(setup_->wiring.driver);
@@ -292,21 +225,6 @@ void ControlLoop::use_wiring(MotorWires &wires) {
         driver_was_ready_ = false;
     }
     driver_->set_wiring(setup_->wiring);
-}
-
-void ControlLoop::scan(MotorWires &wires) {
-    powered_ = false;
-    wires.enable.set(false);
-    if (all_off_ticks_left_ > 0) {
-        // The update that stopped the motors may have failed or be pending, and there is none while the scan has the
-        // bus.
-        all_off_ticks_left_ = driver_->all_off(wires) ? 0 : static_cast<uint8_t>(all_off_ticks_left_ - 1);
-        return;
-    }
-    scan_.step(wires.bus);
-    if (!scan_.running()) {
-        driver_->restart();
-    }
 }
 
 bool ControlLoop::release(MotorWires &wires) {
@@ -323,29 +241,6 @@ void ControlLoop::drive(MotorWires &wires, uint64_t now_us) {
     wires.enable.set(powered_);
 }
 
-void ControlLoop::measure(uint64_t duration_ns) {
-    last_tick_ns_ = static_cast<uint32_t>(duration_ns);
-    window_sum_ns_ += duration_ns;
-    window_max_ns_ = std::max(window_max_ns_, duration_ns);
-    if (++window_count_ == window_ticks) {
-        tick_us_mean_ = static_cast<float>(window_sum_ns_) * 1e-3f / static_cast<float>(window_ticks);
-        tick_us_max_ = static_cast<float>(window_max_ns_) * 1e-3f;
-        window_count_ = 0;
-        window_sum_ns_ = 0;
-        window_max_ns_ = 0;
-    }
-}
-
-/// Integrate this tick's voltage, which acts until the next tick.
-void ControlLoop::integrate_voltage() {
-    for (size_t i = 0; i < setup_->config.kinematics.wheels; ++i) {
-        const float volt_us = outputs_->voltage_V[i] * static_cast<float>(OMNI_TICK_US);
-        if (std::abs(volt_us) <= most_volt_us) {
-            volt_us_[i] += static_cast<uint32_t>(std::lround(volt_us));
-        }
-    }
-}
-
 void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     TickReport &out = report.writing();
     const bool armed = out.outputs.state == OMNI_STATE_ARMED; // it cannot be armed again
@@ -356,20 +251,20 @@ void ControlLoop::publish(const TickSensors &sensors, I2cBus &bus) {
     // Only after persistent failures, to save the call in most ticks.
     out.read_back_missing = inputs_.driver_failures == UINT16_MAX && driver_->read_back_missing();
     out.battery_V = sensors.battery_V;
-    out.tick_us_mean = tick_us_mean_;
-    out.tick_us_max = tick_us_max_;
+    out.tick_us_mean = duration_.mean_us();
+    out.tick_us_max = duration_.max_us();
     out.tick_jitter_us_max = sensors.jitter_us;
     out.fix_us = robot_.estimator.pose_ekf.last_fix_us;
     out.noise_factor = robot_.estimator.pose_ekf.noise_factor;
     out.fix_factor = robot_.estimator.pose_ekf.fix_noise_factor;
     out.fix_restarts = robot_.estimator.pose_ekf.restarts;
     std::memcpy(out.counts, sensors.counts, sizeof out.counts);
-    std::memcpy(out.volt_us, volt_us_, sizeof out.volt_us);
+    std::memcpy(out.volt_us, voltages_.volt_us(), sizeof out.volt_us);
     std::memcpy(out.encoder_errors, sensors.encoder_errors, sizeof out.encoder_errors);
     out.i2c = bus.stats();
     out.i2c_found = scan_.found();
     if (burst.recording()) {
-        out.last_tick_ns = last_tick_ns_;
+        out.last_tick_ns = duration_.last_ns();
         burst.sample(out);
     }
     report.publish();
@@ -385,7 +280,7 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
     }
     process_pending();
     process_plan();
-    prepare_pin_test();
+    pin_tester_.prepare(inputs_, setup_->config.limits);
     sensors.to_inputs(&inputs_);
     if (!scan_.running()) {
         driver_->poll(wires);
@@ -396,14 +291,17 @@ void ControlLoop::tick(const TickSensors &sensors, MotorWires &wires, Clock &sto
     outputs_ = &report.writing().outputs;
     omni_robot_tick(&robot_, &inputs_, outputs_);
     if (scan_.running()) {
-        scan(wires);
-    } else if (!run_pin_test(wires.enable)) {
+        powered_ = false;
+        scan_.step(*driver_, wires);
+    } else if (pin_tester_.run(wires.enable, outputs_->drive)) {
+        powered_ = false;
+    } else {
         drive(wires, sensors.time_us);
     }
     ++ticks_;
     publish(sensors, wires.bus);
-    integrate_voltage();
-    measure(stopwatch.stopwatch_ns() - begin_ns);
+    voltages_.add(outputs_->voltage_V, setup_->config.kinematics.wheels);
+    duration_.record(stopwatch.stopwatch_ns() - begin_ns);
 }
 
 } // namespace omni

@@ -21,23 +21,16 @@
 #include "app/base/board.h"
 #include "app/base/core.h"
 #include "app/base/snapshot.h"
-#include "app/drivers/motor_drivers.h"
 #include "app/tick/burst_recorder.h"
 #include "app/tick/i2c_scan.h"
+#include "app/tick/pin_tester.h"
 #include "app/tick/robot_setup.h"
 #include "app/tick/tick_report.h"
+#include "app/tick/tick_statistics.h"
+#include "omni/motor_drivers_gen.h"
+#include "omni/tick_readings_gen.h"
 
 namespace omni {
-
-/// Test of the output-enable pin: switch it off without bus traffic, so that the PWM chip keeps its last duties; then
-/// disarm.
-struct PinTest {
-    static constexpr float max_duty = 0.3f; ///< maximum duty at the start; requires open-loop duties
-    static constexpr float min_s = 0.1f;
-    static constexpr float max_s = 2.0f;
-    uint32_t ticks = 0;   ///< remaining ticks; 0: no test
-    bool release = false; ///< true: make the pin high impedance, to test its pull-up; false: drive it to off
-};
 
 /// Request from the background to the tick; executed in order.
 struct Request {
@@ -48,10 +41,9 @@ struct Request {
     omni_pose_t pose{};
 };
 
-/// Sensor readings of one tick, generated from [sensors] of shared/world.toml.
-struct TickSensors {
-    uint64_t time_us = 0; ///< robot clock
-#include "omni/tick_readings_gen.h"
+/// Inputs of one tick from the board or the simulated world.
+struct TickSensors : TickReadings {
+    uint64_t time_us = 0;  ///< robot clock
     uint32_t faults = 0;   ///< OMNI_FAULT_OVERRUN
     uint32_t overruns = 0; ///< tick overruns since boot
     uint32_t encoder_errors[OMNI_MAX_WHEELS] = {};
@@ -71,7 +63,7 @@ public:
     /// Background: hold the pose from the next tick on (OMNI_EVENT_TRAJECTORY_STOP); earlier setpoints are void.
     void hold();
     /// Background: start a pin test in the next tick; if that is not possible and motors are driven, disarm.
-    void request_pin_test(const PinTest &test);
+    void request_pin_test(uint32_t ticks, bool release);
     /// Background: set the setpoint for the next tick.
     void set_setpoint(const omni_setpoint_t &setpoint);
     /// Background: set the arrival time of the latest relevant heartbeat, robot clock.
@@ -113,19 +105,10 @@ private:
     void process_plan();
     void apply(const Request &request);
     void forget_setpoints(uint32_t before);
-    void begin_scan();
-    void begin_pin_test(uint32_t wanted);
-    void prepare_pin_test();
-    bool run_pin_test(OutputEnable &pin);
     void use_wiring(MotorWires &wires);
-    void scan(MotorWires &wires);
     void drive(MotorWires &wires, uint64_t now_us);
-    void measure(uint64_t duration_ns);
-    void integrate_voltage();
     void publish(const TickSensors &sensors, I2cBus &bus);
 
-    static constexpr uint32_t window_ticks = 1000;
-    static constexpr uint8_t all_off_attempts = 10;
     const RobotSetup *setup_ = nullptr;
     omni_robot_t robot_{};
     omni_inputs_t inputs_{};
@@ -133,8 +116,7 @@ private:
     MotorDrivers drivers_;
     MotorDriver *driver_ = &drivers_.of(0); ///< driver in use
     I2cScan scan_;
-    uint8_t all_off_ticks_left_ = 0; ///< remaining ticks in which a scan waits for "all off" to be sent
-    PinTest pin_test_;
+    PinTester pin_tester_;
     bool driver_was_ready_ = false;
     bool powered_ = false; ///< output enable is on
     /// Flags for the next tick beside omni_event_t: which inputs are pending.
@@ -148,7 +130,6 @@ private:
     };
     std::atomic<uint32_t> flags_{0};                 ///< omni_event_t and PendingFlags
     std::atomic<uint32_t> setpoints_void_before_{0}; ///< order of the latest hold()
-    std::atomic<uint32_t> pin_test_wanted_{0};       ///< ticks * 2 + release, with pending_pin_test
     Snapshot<OrderedSetpoint> setpoints_;
     Snapshot<uint64_t> heartbeats_;
     Snapshot<omni_excitation_t> excitations_;
@@ -156,14 +137,9 @@ private:
     Queue<Request, 32> requests_;
     uint32_t order_ = 0;        ///< background: incremented by each request and hold()
     uint32_t oldest_valid_ = 0; ///< tick: order of the oldest valid setpoint
-    uint32_t volt_us_[OMNI_MAX_WHEELS] = {};
+    VoltageIntegral voltages_;
+    TickDuration duration_;
     uint32_t ticks_ = 0;
-    uint32_t window_count_ = 0;
-    uint64_t window_sum_ns_ = 0;
-    uint64_t window_max_ns_ = 0;
-    uint32_t last_tick_ns_ = 0;
-    float tick_us_mean_ = 0.0f;
-    float tick_us_max_ = 0.0f;
     bool had_fix_ = false;         ///< the previous tick had a fix
     uint32_t fixes_seen_ = 0;      ///< number of fixes processed
     uint32_t accepted_before_ = 0; ///< the pose filter's counters before the tick with the fix

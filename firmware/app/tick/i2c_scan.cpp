@@ -11,12 +11,17 @@ constexpr uint8_t busy_limit = 10;
 
 } // namespace
 
-void I2cScan::start() {
+bool I2cScan::start() {
+    if (running_) {
+        return false;
+    }
     running_ = true;
+    all_off_ticks_left_ = all_off_attempts;
     in_flight_ = true; // the motor driver's last batch, if there is one
     address_ = 0;
     busy_ticks_ = 0;
     std::fill(answered_, answered_ + sizeof answered_, uint8_t{0});
+    return true;
 }
 
 void I2cScan::finish(bool stuck) {
@@ -35,7 +40,21 @@ void I2cScan::take(I2cStatus status) {
     address_ = address_ == 0 ? first_address : static_cast<uint8_t>(address_ + 1);
 }
 
-void I2cScan::step(I2cBus &bus) {
+void I2cScan::step(MotorDriver &driver, MotorWires &wires) {
+    wires.enable.set(false);
+    if (all_off_ticks_left_ > 0) {
+        // The update that stopped the motors may have failed or be pending, and there is none while the scan has the
+        // bus.
+        all_off_ticks_left_ = driver.all_off(wires) ? 0 : static_cast<uint8_t>(all_off_ticks_left_ - 1);
+        return;
+    }
+    probe(wires.bus);
+    if (!running_) {
+        driver.restart();
+    }
+}
+
+void I2cScan::probe(I2cBus &bus) {
     uint8_t read[I2cTransaction::max_read] = {};
     const I2cStatus status = in_flight_ ? bus.poll(read) : I2cStatus::idle;
     const bool busy = status == I2cStatus::busy;
@@ -54,9 +73,9 @@ void I2cScan::step(I2cBus &bus) {
         finish(false);
         return;
     }
-    I2cTransaction probe;
-    probe.address = address_;
-    in_flight_ = bus.submit(&probe, 1);
+    I2cTransaction transaction;
+    transaction.address = address_;
+    in_flight_ = bus.submit(&transaction, 1);
     if (!in_flight_ && ++busy_ticks_ >= busy_limit) {
         bus.recover();
         finish(true);

@@ -16,8 +16,8 @@ public:
     bool update(const int32_t *counts, uint64_t now_us) {
         bool moved = false;
         for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
-            const uint32_t way = static_cast<uint32_t>(counts[i]) - static_cast<uint32_t>(at_[i]);
-            moved = moved || way + flicker > 2 * flicker;
+            const uint32_t travel = static_cast<uint32_t>(counts[i]) - static_cast<uint32_t>(at_[i]);
+            moved = moved || travel + flicker > 2 * flicker;
         }
         if (moved || !begun_) {
             for (size_t i = 0; i < OMNI_MAX_WHEELS; ++i) {
@@ -32,7 +32,7 @@ public:
 
 private:
     static constexpr uint64_t rest_us = 1'000'000;
-    static constexpr uint32_t flicker = 2; ///< tolerance for a flickering encoder at rest [counts]
+    static constexpr uint32_t flicker = 2; ///< tolerance for encoder jitter at rest [counts]
 
     int32_t at_[OMNI_MAX_WHEELS] = {};
     uint64_t since_us_ = 0;

@@ -9,7 +9,7 @@
 
 namespace omni {
 
-/// Wheels that stand still.
+/// Encoders of wheels at rest.
 class NoEncoders final : public Encoders {
 public:
     uint8_t read(int32_t *counts) override;
@@ -23,7 +23,7 @@ public:
     void set(bool) override {}
 };
 
-/// A PWM chip alone on its bus: keeps what is written and gives it back. No motor hangs on it.
+/// A PWM chip alone on its bus: stores its registers, without motors.
 class NoMotorsBus final : public I2cBus {
 public:
     bool submit(const I2cTransaction *batch, size_t count) override;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file option_loop.h  The command line of a firmware program: a row per option, and the loop over the words. What is
-/// wrong is said on standard error.
+/// @file option_loop.h  The command line of a firmware program: a row per option, and the loop over the arguments.
+/// Errors go to standard error.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file robot_values.h  A robot's own parameters for boards that get them at start. What is wrong is said on standard
-/// error.
+/// @file robot_values.h  A robot's own parameters for boards that get them at start. Errors go to standard error.
 #pragma once
 
 #include "app/base/core.h"

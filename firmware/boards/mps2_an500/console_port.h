@@ -16,15 +16,15 @@ class ConsolePort final : public SerialPort {
 public:
     /// @param radio it stands for a radio. @return false if the emulator has no console.
     bool open(bool radio);
-    /// Until bytes come; the whole machine stands still. Ends the emulator when the other end has gone.
+    /// Wait for bytes; the whole machine stands still. Ends the emulator when the other end has closed.
     void wait();
     bool waiting() const { return taken_ < filled_; }
-    /// True once after something was sent: there may be more to send, which waited for room.
+    /// True once after a transmission: more may be queued.
     bool has_sent();
     size_t read(uint8_t *data, size_t capacity) override;
     size_t write_space() override { return most_; }
     bool write(const uint8_t *data, size_t length) override;
-    /// It does not see who is at the other end.
+    /// It does not detect connections.
     uint32_t session() override { return 1; }
     bool is_radio() override { return is_radio_; }
 

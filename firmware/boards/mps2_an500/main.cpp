@@ -10,10 +10,10 @@
 #include "boards/mps2_an500/base/machine.h"
 #include "boards/mps2_an500/base/semihosting.h"
 #include "boards/mps2_an500/console_port.h"
-#include "boards/mps2_an500/kept.h"
 #include "boards/mps2_an500/options.h"
 #include "boards/mps2_an500/parts.h"
 #include "boards/mps2_an500/pins.h"
+#include "boards/mps2_an500/reset_record.h"
 #include "boards/mps2_an500/uart_port.h"
 
 namespace omni {
@@ -23,14 +23,14 @@ constexpr uint32_t tick_us = OMNI_TICK_US;
 constexpr uint8_t tick_priority = 0x80;
 constexpr uint8_t inject_priority = 0x20;
 constexpr size_t inject_uart = 4;
-/// More missed ticks than this are not made up for: the core then sees time jump and says so.
+/// Maximum number of missed ticks that are caught up; beyond that time jumps, which the core reports.
 constexpr uint64_t catch_up_us = 60'000'000;
 /// So many at a time, so that the links are served in between.
 constexpr int catch_up_ticks = 20;
-/// Pause after which a frame that stopped half-way is looked at again.
+/// Timeout of an incomplete frame.
 constexpr uint32_t idle_us = 250'000;
-/// The last words before a reboot are waited for this long.
-constexpr uint64_t farewell_us = 200'000;
+/// Time to send queued messages before a reboot.
+constexpr uint64_t reboot_flush_us = 200'000;
 
 alignas(8) uint8_t burst_memory[default_burst_bytes];
 
@@ -39,7 +39,7 @@ public:
     bool open(int argc, char **argv, int *exit_code);
     [[noreturn]] void run();
     void on_timer();
-    void on_watchdog() { keep_cause(ResetCause::watchdog); }
+    void on_watchdog() { record_reset_cause(ResetCause::watchdog); }
     void on_inject();
     bool crash_resets() const { return options_.crash_resets; }
 
@@ -130,7 +130,7 @@ void Machine::open_inject() {
     an500::enable_interrupt(an500::uart_interrupt[inject_uart]);
 }
 
-/// Above all of the firmware's own interrupts, so that nothing of it goes on.
+/// Higher priority than all of the firmware's interrupts, so that nothing else runs.
 void Machine::on_inject() {
     an500::uart(inject_uart).interrupt = an500::uart_rx_pending;
     if (an500::uart(inject_uart).data == 'c') {
@@ -181,7 +181,7 @@ bool Machine::bytes_wait() const {
     return console_.waiting() || pins_.wire.waiting();
 }
 
-/// Until the next interrupt. One that came since the last background pass began is not slept over.
+/// Sleep until the next interrupt, unless one has occurred since the last background pass began.
 void Machine::sleep() {
     if (options_.pins) {
         return; // with -icount sleep=off, QEMU's time jumps over two periods of a timer that ends a sleep
@@ -203,7 +203,7 @@ void Machine::sleep() {
 void Machine::reboot() {
     const uint64_t begin_us = clock_.elapsed_us();
     for (const UartPort &uart : uarts) {
-        while (!uart.drained() && clock_.elapsed_us() - begin_us < farewell_us) {
+        while (!uart.drained() && clock_.elapsed_us() - begin_us < reboot_flush_us) {
             app_->background();
         }
     }
@@ -273,7 +273,7 @@ extern "C" void an500_fault(const an500::Fault &fault) {
     if (!omni::machine.crash_resets()) {
         an500::semihosting_exit(an500::fault_exit_code);
     }
-    omni::keep_crash(fault);
+    omni::record_crash(fault);
     an500::reset_system();
 }
 

@@ -8,7 +8,7 @@
 #include "boards/mps2_an500/base/fault.h"
 #include "boards/mps2_an500/base/machine.h"
 #include "boards/mps2_an500/base/semihosting.h"
-#include "boards/mps2_an500/kept.h"
+#include "boards/mps2_an500/reset_record.h"
 
 namespace omni {
 
@@ -89,7 +89,7 @@ bool HostStorage::put() {
 }
 
 void TimerWatchdog::start(uint32_t milliseconds, ResetCause first) {
-    cause_ = begin_kept(first);
+    cause_ = read_reset_record(first);
     load_ = milliseconds * (an500::clock_Hz / 1000);
     resume();
 }
@@ -112,11 +112,11 @@ void TimerWatchdog::feed() {
 }
 
 const char *TimerWatchdog::crash_line(size_t number) {
-    return cause_ == ResetCause::crash ? kept_crash_line(number) : nullptr;
+    return cause_ == ResetCause::crash ? recorded_crash_line(number) : nullptr;
 }
 
 void TimerWatchdog::reset() {
-    keep_cause(ResetCause::software);
+    record_reset_cause(ResetCause::software);
     an500::reset_system();
 }
 

@@ -9,11 +9,11 @@
 
 namespace omni {
 
-/// The free-running timer made 64 bits wide: exact as long as somebody looks at least every 171 s.
+/// The free-running timer made 64 bits wide: exact if read at least every 171 s.
 class TimerClock final : public Clock {
 public:
-    /// @param catch_up robot time moves on only by set(): a host that was busy lets the guest's time jump, which no
-    /// robot's does.
+    /// @param catch_up robot time moves on only by set(): after a busy period of the host the guest's time
+    /// jumps, as no robot's does.
     void start(bool catch_up);
     uint64_t now_us() override { return catch_up_ ? set_us_ : elapsed_us(); }
     uint64_t stopwatch_ns() override;
@@ -47,10 +47,10 @@ private:
     const char *path_ = nullptr;
 };
 
-/// The CMSDK watchdog. Its first time-out resets at once, after noting why.
+/// The CMSDK watchdog. Its first timeout records the cause and resets.
 class TimerWatchdog final : public Watchdog {
 public:
-    /// @param milliseconds 0: never bites. @param first the reset cause if nothing is known of a reset before.
+    /// @param milliseconds 0: off. @param first reset cause after power-on.
     void start(uint32_t milliseconds, ResetCause first);
     void feed() override;
     /// Hold it while the machine stands still.

@@ -9,7 +9,7 @@
 namespace omni {
 namespace {
 
-/// What goes out; the host reads it as little-endian and packed.
+/// Output record; the host reads it as little-endian and packed.
 struct Out {
     uint64_t time_us;
     uint8_t enabled;
@@ -20,7 +20,7 @@ struct Out {
 };
 static_assert(sizeof(Out) == 152, "no padding");
 
-/// What comes in.
+/// Input record.
 struct In {
     int32_t counts[4];
     float battery_V;
@@ -84,7 +84,7 @@ uint8_t Pins::read(int32_t *counts) {
     for (size_t filled = 0; filled < sizeof in;) {
         const int count = an500::semihosting_read(in_, reinterpret_cast<uint8_t *>(&in) + filled, sizeof in - filled);
         if (count <= 0) {
-            an500::semihosting_exit(0); // the world has gone
+            an500::semihosting_exit(0); // the host has closed the connection
         }
         filled += static_cast<size_t>(count);
     }

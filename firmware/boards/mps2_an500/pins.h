@@ -2,8 +2,8 @@
 /// @file pins.h  The world at the board's pins: encoders, I2C, supply, stop button and one serial line, simulated by
 /// the host.
 ///
-/// At each tick what the pins did goes out and what they see comes in, while the emulated time stands still. So the
-/// firmware runs on the emulated processor's own timing, and the world in step with it.
+/// Each tick sends the pin outputs and receives the pin inputs while the emulated time stands still. So the firmware
+/// runs on the emulated processor's timing, and the world in lockstep with it.
 #pragma once
 
 #include <cstddef>
@@ -28,7 +28,7 @@ public:
     bool waiting() const { return in_.used() > 0; }
     /// @return bytes put into `data`, bytes_per_tick at most.
     size_t take_sent(uint8_t *data);
-    /// What does not fit is lost, as on a line without flow control.
+    /// Overflow is lost, as on a line without flow control.
     void put_received(const uint8_t *data, size_t length);
 
 private:
@@ -57,7 +57,7 @@ private:
     Clock *clock_ = nullptr;
     int in_ = -1;
     int out_ = -1;
-    uint8_t enabled_ = 0; ///< 2: nobody drives it
+    uint8_t enabled_ = 0; ///< 2: high impedance
     float battery_V_ = 0.0f;
     bool button_open_ = false; ///< as the world showed it in the latest tick
 };

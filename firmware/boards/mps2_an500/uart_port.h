@@ -46,7 +46,7 @@ public:
     size_t read(uint8_t *data, size_t capacity) override;
     size_t write_space() override { return out_.free(); }
     bool write(const uint8_t *data, size_t length) override;
-    /// A serial port does not see who is at the other end.
+    /// A serial port does not detect connections.
     uint32_t session() override { return 1; }
     bool is_radio() override { return is_radio_; }
 

@@ -27,17 +27,17 @@ void on_signal(int) {
     [[maybe_unused]] const ssize_t count = write(wake_pipe[1], &byte, 1);
 }
 
-/// @return false at the end of standard input; what comes there before is dropped.
+/// @return false at the end of standard input; earlier input is dropped.
 bool stdin_goes_on() {
     char dropped[256];
     return read(STDIN_FILENO, dropped, sizeof dropped) > 0;
 }
 
-/// More missed ticks than this are not made up for: the core then sees time jump and says so.
+/// Maximum number of missed ticks that are caught up; beyond that time jumps, which the core reports.
 constexpr uint64_t catch_up_us = 1'000'000;
-/// Pause after which a frame that stopped half-way is looked at again.
+/// Timeout of an incomplete frame.
 constexpr int idle_ms = 250;
-/// Waits in lockstep after which new clients and what waits to be sent are looked after, however fast the host is.
+/// Number of waits in lockstep after which new clients and queued output are served, however fast the host is.
 constexpr uint32_t waits_per_service = 64;
 
 alignas(8) uint8_t burst_memory[default_burst_bytes];
@@ -74,7 +74,7 @@ private:
     PosixPort *ports_[Board::max_ports] = {};
     Board board_;
     std::optional<App> app_;
-    omni_poll_backoff_t patience_{};
+    omni_poll_backoff_t poll_backoff_{};
     bool sleeps_ = false;
     uint32_t waits_ = 0;
     uint64_t boot_ns_ = 0;
@@ -199,7 +199,7 @@ uint64_t Process::received() const {
     return bytes;
 }
 
-/// Serve the links until something comes, for a short while. @return true if it did, and has been seen to.
+/// Serve the links until data arrives, for a short time. @return true if it has arrived and was processed.
 bool Process::look_for_host() {
     constexpr uint64_t enough_ns = OMNI_POLL_MAX_us * uint64_t{1000};
     const uint64_t begin_ns = clock_.stopwatch_ns();
@@ -216,7 +216,7 @@ bool Process::look_for_host() {
 void Process::obey_host() {
     if (app_->host_sleeps() != sleeps_) {
         sleeps_ = !sleeps_;
-        omni_poll_backoff_init(&patience_, !sleeps_);
+        omni_poll_backoff_init(&poll_backoff_, !sleeps_);
     }
 }
 
@@ -225,13 +225,13 @@ void Process::await_host(int timeout_ms) {
         wait(0);
     }
     obey_host();
-    const bool looks = omni_poll_backoff_should_poll(&patience_);
+    const bool polls = omni_poll_backoff_should_poll(&poll_backoff_);
     const uint64_t begin_ns = clock_.stopwatch_ns();
-    const bool served = looks && look_for_host();
+    const bool served = polls && look_for_host();
     if (!served) {
         wait(timeout_ms);
     }
-    omni_poll_backoff_record(&patience_, looks, (clock_.stopwatch_ns() - begin_ns) / 1000);
+    omni_poll_backoff_record(&poll_backoff_, polls, (clock_.stopwatch_ns() - begin_ns) / 1000);
     if (!served) {
         app_->background();
     }
@@ -251,7 +251,7 @@ void Process::run_due_ticks() {
 }
 
 int Process::run() {
-    omni_poll_backoff_init(&patience_, true);
+    omni_poll_backoff_init(&poll_backoff_, true);
     start_app();
     while (stop_wanted == 0) {
         if (options_.lockstep) {

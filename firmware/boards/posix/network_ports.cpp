@@ -107,7 +107,7 @@ size_t TcpPort::wait_for(pollfd *fds) {
 
 void TcpPort::service(const pollfd *fds) {
     push();
-    // A client whose last bytes or end are still to be read goes first: the newcomer may be its successor.
+    // A client whose last bytes or end are still to be read goes first: the new one may be its successor.
     const bool occupied = fd_ >= 0 && fds[1].revents != 0;
     if ((fds[0].revents & POLLIN) == 0 || occupied) {
         return;

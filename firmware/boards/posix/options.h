@@ -12,9 +12,9 @@ namespace omni {
 struct Options : CommonOptions {
     const char *links[Board::max_ports] = {};
     size_t link_count = 0;
-    bool end_with_stdin = false; ///< end with whoever holds the other end of the pipe
+    bool end_with_stdin = false; ///< exit at the end of standard input
     uint8_t radios = 0b10;       ///< a bit per link
-    bool radio_line = false;     ///< the radio was asked for: its line has a baud rate
+    bool radio_line = false;     ///< a radio was requested: its line has a baud rate
 };
 
 /// @return true: run; false: end with *exit_code (0 after --help and --version, 2 after a mistake, which has been

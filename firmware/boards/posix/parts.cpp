@@ -51,7 +51,7 @@ bool FileStorage::lock(int fd) const {
     if (flock(fd, LOCK_EX | LOCK_NB) != 0) {
         return errno != EWOULDBLOCK; // there are file systems without locks
     }
-    // The one who had it may just have replaced the file.
+    // The previous owner may just have replaced the file.
     struct stat locked {};
     struct stat present {};
     return fstat(fd, &locked) == 0 && stat(path_, &present) == 0 && locked.st_ino == present.st_ino;

@@ -48,7 +48,7 @@ private:
     int fd_ = -1; ///< holds the lock
 };
 
-/// Nothing to bite; a reset is main()'s business.
+/// No watchdog; main() performs resets.
 class NoWatchdog final : public Watchdog {
 public:
     void feed() override {}

@@ -34,7 +34,7 @@ public:
     bool is_radio() override { return is_radio_; }
     /// Bytes read since the start.
     uint64_t received() const { return received_; }
-    /// Behind this port is a modem; the program keeps to its baud rate.
+    /// The port stands for a modem, whose baud rate limits it.
     void set_has_baud() { has_baud_ = true; }
     /// Others reach this port through the air.
     void set_radio() { is_radio_ = true; }
@@ -42,7 +42,7 @@ public:
 protected:
     ~PosixPort() = default;
     void connected(int fd);
-    /// The other end has gone.
+    /// The other end has closed.
     virtual void disconnected() = 0;
     void push();
     short wanted_events() const;
@@ -78,7 +78,7 @@ public:
     void service(const struct pollfd *) override { push(); }
 
 private:
-    void disconnected() override {} ///< nobody at the other end yet: keep trying
+    void disconnected() override {} ///< no peer yet: keep trying
 };
 
 class PtyPort final : public PosixPort {

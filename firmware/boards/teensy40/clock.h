@@ -8,7 +8,7 @@
 
 namespace omni {
 
-/// Extends a 32-bit cycle counter, which wraps every 7.16 s at 600 MHz, to 64-bit time. It must be told the counter at
+/// Extends a 32-bit cycle counter, which wraps every 7.16 s at 600 MHz, to 64-bit time. It must be updated at
 /// least once per wrap: the tick does so every millisecond.
 class CycleTime {
 public:

@@ -38,7 +38,7 @@ public:
     void begin();
     /// From the tick, once in each. A bit is missing for an encoder that went beyond the edge limit: edges were lost.
     uint8_t read(int32_t *counts) override;
-    /// A hardware decoder tells only that some happened since the last read(): at most one is counted per read().
+    /// A hardware decoder reports only that some occurred since the last read(): at most one is counted per read().
     void errors(uint32_t *errors) override;
     /// A pin of an interrupt-counted encoder changed. Interrupt context.
     void pins_changed();

@@ -30,7 +30,7 @@ public:
         }
     }
 
-    /// Go on from the present levels after edges that nobody saw: the count stays, one error is counted. Not while
+    /// Go on from the present levels after missed edges: the count stays, one error is counted. Not while
     /// update() may interrupt.
     void resume(uint8_t levels) {
         levels_ = levels;

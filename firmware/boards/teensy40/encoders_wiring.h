@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file encoders_wiring.h  Which decoder counts which wheel's encoder: settled at compile time.
+/// @file encoders_wiring.h  Which decoder counts which wheel's encoder: decided at compile time.
 ///
 /// The processor has four quadrature decoders (ENC1..4). They see a pin only through crossbar XBAR1 (i.MX RT1060
 /// reference manual, chapters "External Signals and Pin Multiplexing" and "Inter-Peripheral Crossbar Switch A"). Pins 0
@@ -15,7 +15,7 @@
 
 namespace omni {
 
-/// A pin's way into the crossbar.
+/// A pin's crossbar input.
 struct XbarPin {
     uint8_t pin;
     uint8_t input; ///< XBAR1_IN number
@@ -27,7 +27,7 @@ constexpr XbarPin xbar_pins[] = {{0, 17, 1, 1},  {1, 16, 1, 0},  {2, 6, 3, 0},  
                                  {4, 8, 3, 0},   {5, 17, 3, 0},  {7, 15, 1, 1},  {8, 14, 1, 1},
                                  {30, 23, 1, 0}, {31, 22, 1, 0}, {32, 10, 1, 0}, {33, 9, 3, 0}};
 
-/// @return the pin's way into the crossbar, or nullptr if it has none.
+/// @return the pin's crossbar input, or nullptr if it has none.
 constexpr const XbarPin *find_xbar_pin(uint8_t pin) {
     for (const XbarPin &candidate : xbar_pins) {
         if (candidate.pin == pin) {
@@ -37,7 +37,7 @@ constexpr const XbarPin *find_xbar_pin(uint8_t pin) {
     return nullptr;
 }
 
-/// What stands against a wiring.
+/// Error of a wiring.
 enum class EncoderProblem : uint8_t {
     none,
     no_pins,      ///< the robot file gives no pins
@@ -80,7 +80,7 @@ constexpr EncoderProblem hardware_problem(const EncoderPlan &plan, uint8_t pin_a
     return shared ? EncoderProblem::shared_input : EncoderProblem::none;
 }
 
-/// Give out the decoders: to wheels that demand one first, then to those that could use one.
+/// Assign the decoders: to wheels that demand one first, then to those that could use one.
 /// @param pins A and B per wheel. @param wanted an enum with automatic, hardware, interrupt per wheel.
 template <typename Decoder, size_t wheels>
 constexpr EncoderPlan plan_encoders(const uint8_t (&pins)[wheels][2], const Decoder (&wanted)[wheels]) {

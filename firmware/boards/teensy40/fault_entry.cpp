@@ -2,7 +2,7 @@
 #include "boards/teensy40/faults.h"
 
 extern "C" {
-// What is written where nobody asked for anything.
+// Written if no register was set.
 static uint32_t nothing;
 volatile uint32_t *omni_fault_register = &nothing;
 uint32_t omni_fault_mask = 0;

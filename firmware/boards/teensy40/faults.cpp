@@ -5,7 +5,7 @@
 
 #include <cstddef>
 
-// Of Teensyduino's start-up, declared in no header: handles every exception and interrupt that nobody has asked for.
+// Of Teensyduino's start-up, declared in no header: handles every exception and interrupt without a handler.
 extern "C" void unused_interrupt_vector();
 
 namespace omni {

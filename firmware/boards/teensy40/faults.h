@@ -1,15 +1,14 @@
 // SPDX-License-Identifier: MIT
-/// @file faults.h  Takes the motors' power away when the processor faults, gets an interrupt that nobody asked for, or
-/// becomes too hot. Teensyduino's handler, which runs next, keeps a record of it and then waits: the watchdog ends
-/// that.
+/// @file faults.h  Removes motor power on a processor fault, an unexpected interrupt or over-temperature. Teensyduino's
+/// handler, which runs next, records the fault and then waits until the watchdog resets.
 #pragma once
 
 #include <cstdint>
 
 namespace omni {
 
-/// From now on a fault writes `mask` to `register_address` before anything else. Whoever asks for an interrupt later
-/// takes its vector over, as ever.
+/// From now on a fault writes `mask` to `register_address` before anything else. A handler
+/// attached later replaces its vector as usual.
 void set_on_fault(volatile uint32_t *register_address, uint32_t mask);
 
 /// After that a fault writes `value` to `address`, too, in the order of the calls. At most OMNI_FAULT_WRITES.

@@ -4,29 +4,19 @@
 #include <algorithm>
 #include <cstring>
 
+#include "app/base/crc32.h"
+
 namespace omni {
 namespace {
 
 constexpr uint32_t magic = 0x314C464F; // "OFL1"
-constexpr uint32_t crc_begin = 0xFFFFFFFF;
 constexpr size_t piece = 64;
-
-/// CRC-32 (IEEE 802.3, reflected) without the final inversion, so that it can go on.
-uint32_t crc32(const uint8_t *bytes, size_t length, uint32_t crc) {
-    for (size_t i = 0; i < length; ++i) {
-        crc ^= bytes[i];
-        for (int bit = 0; bit < 8; ++bit) {
-            crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xEDB88320u : 0u);
-        }
-    }
-    return crc;
-}
 
 template <class T>
 uint32_t crc_before(const T &item, size_t length) {
     uint8_t bytes[sizeof item];
     std::memcpy(bytes, &item, sizeof bytes);
-    return ~crc32(bytes, length, crc_begin);
+    return crc32(bytes, length);
 }
 
 constexpr size_t padded(size_t length) {
@@ -65,7 +55,7 @@ bool FlashLog::valid_bank(size_t sector, uint32_t *sequence) {
     std::memcpy(&header, bytes, sizeof header);
     *sequence = header.sequence;
     return header.magic == magic && header.header_crc == crc_before(header, offsetof(Header, header_crc)) &&
-           header.image_crc == ~crc_of(sector, image_at, capacity, crc_begin);
+           header.image_crc == crc_of(sector, image_at, capacity, 0);
 }
 
 bool FlashLog::blank(size_t sector, size_t from) {
@@ -116,8 +106,7 @@ bool FlashLog::take_record(size_t at, size_t *end) {
     if (record.length > Flash::sector_size - data_at || size_t{record.offset} + record.length > capacity) {
         return false;
     }
-    const uint32_t begun = crc32(bytes, offsetof(Record, crc), crc_begin);
-    if (record.crc != ~crc_of(bank_, data_at, record.length, begun)) {
+    if (record.crc != crc_of(bank_, data_at, record.length, crc32(bytes, offsetof(Record, crc)))) {
         return false;
     }
     flash_.read(bank_, data_at, image_ + record.offset, record.length);
@@ -160,7 +149,7 @@ bool FlashLog::read(size_t offset, uint8_t *data, size_t length) {
     return true;
 }
 
-/// Program, and look whether the memory took it.
+/// Program and verify.
 bool FlashLog::programmed(size_t sector, size_t offset, const uint8_t *data, size_t length) {
     flash_.program(sector, offset, data, length);
     uint8_t bytes[piece];
@@ -183,7 +172,7 @@ bool FlashLog::append(size_t offset, size_t length) {
     Record record{static_cast<uint16_t>(offset), static_cast<uint16_t>(length), 0};
     uint8_t bytes[sizeof record];
     std::memcpy(bytes, &record, sizeof bytes);
-    record.crc = ~crc32(image_ + offset, length, crc32(bytes, offsetof(Record, crc), crc_begin));
+    record.crc = crc32(image_ + offset, length, crc32(bytes, offsetof(Record, crc)));
     std::memcpy(bytes, &record, sizeof bytes);
     const size_t at = end_;
     end_ = Flash::sector_size; // until it has worked
@@ -201,7 +190,7 @@ bool FlashLog::fill_bank(size_t sector) {
         ++late_erases_;
         flash_.erase(sector);
     }
-    Header header{magic, sequence_ + 1, ~crc32(image_, capacity, crc_begin), 0};
+    Header header{magic, sequence_ + 1, crc32(image_, capacity), 0};
     header.header_crc = crc_before(header, offsetof(Header, header_crc));
     uint8_t bytes[sizeof header];
     std::memcpy(bytes, &header, sizeof bytes);

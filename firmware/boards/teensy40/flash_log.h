@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: MIT
-/// @file flash_log.h  Non-volatile bytes as a log in flash memory: each write is done wholly or not at all, at whatever
-/// moment power fails.
+/// @file flash_log.h  Non-volatile bytes as a log in flash memory: each write is atomic, at whatever moment power
+/// fails.
 ///
 /// Teensyduino's EEPROM emulation cannot promise that. It spreads neighbouring bytes over its sectors, and holds a
 /// sector's bytes in RAM while it erases it. So one power cut can take both slots of a parameter store. Here the memory
@@ -50,7 +50,7 @@ public:
     /// No bank is valid, yet the sectors are not blank: a supply too low to read, a first write cut short, or another
     /// program's.
     bool may_hold_unreadable_data() override { return doubtful_; }
-    /// Erases since begin(): each kept interrupts off for up to 400 ms.
+    /// Erases since begin(): each disables interrupts for up to 400 ms.
     uint32_t late_erases() const { return late_erases_; }
 
 private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file flow.h  The sensor of motion over the floor, if the robot file has one, on the third I2C bus, at 400 kHz.
+/// @file flow.h  The floor odometry sensor, if the robot file has one, on the third I2C bus, at 400 kHz.
 ///
 /// A bus of its own, for the reasons of gyro.h. A reading of an OTOS is 0.25 ms on the wire, one of a Pinpoint 0.75 ms,
 /// 50 times a second.

@@ -2,7 +2,7 @@
 /// @file gyro.h  The gyro's chip, if the robot file has one, on the second I2C bus, at 400 kHz.
 ///
 /// A bus of its own, because the motors' bus must not wait for a chip that they do not need. Not SPI: its clock is pin
-/// 13, the lamp's. The interrupts have the priority of the motors' bus. So each waits for the other's for a
+/// 13, the LED's. The interrupts have the priority of the motors' bus. So each waits for the other's for a
 /// microsecond. The masters stretch the clock meanwhile, and a batch of the motors' has half a millisecond to spare. A
 /// reading of six bytes is 0.24 ms on the wire, a piece of a configuration file 0.86 ms.
 #pragma once

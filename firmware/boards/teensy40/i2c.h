@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: MIT
 /// @file i2c.h  Asynchronous I2C masters of a Teensy 4.0. LPI2C1 (SDA pin 18, SCL pin 19) is the motors' PWM chip's.
-/// LPI2C3 (SDA pin 17, SCL pin 16) is a gyro's. LPI2C4 (SDA pin 25, SCL pin 24) is that of a sensor of motion over the
-/// floor.
+/// LPI2C3 (SDA pin 17, SCL pin 16) is a gyro's. LPI2C4 (SDA pin 25, SCL pin 24) is the floor odometry
+/// sensor's.
 ///
 /// submit() turns a batch into the words of the master's command FIFO. An interrupt refills its four places, some ten
 /// times for an update of three motors. Nothing waits: if an interrupt comes late, the master stretches SCL. A batch
-/// that takes too long is given up by poll(), from the tick. The bus is freed by recover(), the bus by a 100 kHz timer
-/// while the program goes on.
+/// that takes too long is given up by poll(), from the tick. recover() frees the bus by a 100 kHz timer, without
+/// blocking.
 #pragma once
 
 #include <core_pins.h>
@@ -92,9 +92,9 @@ public:
     I2cStatus poll(uint8_t *read) override;
     uint32_t max_busy_us() override { return allowed_us_; }
     void recover() override;
-    /// A batch that lost the bus counts as a time-out here.
+    /// A batch that lost the bus counts as a timeout here.
     I2cStats stats() override;
-    /// A batch is on its way, and needs interrupts to get there.
+    /// A batch is in progress, which needs interrupts.
     bool on_wire() const { return state_ == State::running || state_ == State::stopping; }
     const I2cCounters &counters() const { return counters_; }
 

@@ -16,7 +16,7 @@ void I2cBusClear::go(Phase phase, bool pull_scl, bool pull_sda) {
 }
 
 /// SCL is high and ours: another clock, the STOP, or give up.
-I2cBusClear::Result I2cBusClear::look(bool sda) {
+I2cBusClear::Result I2cBusClear::check_sda(bool sda) {
     if (sda) {
         go(Phase::stop_low, true, false);
     } else if (clocks_ == clock_limit) {
@@ -29,17 +29,17 @@ I2cBusClear::Result I2cBusClear::look(bool sda) {
 
 I2cBusClear::Result I2cBusClear::step(bool scl, bool sda) {
     if (!pulls_scl_ && !scl) {
-        return ++waited_ >= patience ? Result::scl_stuck : Result::working;
+        return ++waited_ >= scl_timeout ? Result::scl_stuck : Result::working;
     }
     switch (phase_) {
     case Phase::let_go:
-        return look(sda);
+        return check_sda(sda);
     case Phase::clock_low:
         go(Phase::clock_high, false, false);
         return Result::working;
     case Phase::clock_high:
         ++clocks_;
-        return look(sda);
+        return check_sda(sda);
     case Phase::stop_low:
         go(Phase::stop_sda, true, true);
         return Result::working;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file i2c_bus_clear.h  Frees an I2C bus whose SDA somebody holds low (NXP UM10204, 3.1.16), one step per half clock.
+/// @file i2c_bus_clear.h  Frees an I2C bus whose SDA is held low (NXP UM10204, 3.1.16), one step per half clock.
 ///
 /// Clocks only as long as SDA is low, at most nine. A chip that was being written to must not get bits it would take
-/// for data. Then a STOP ends whatever it thought was going on.
+/// for data. Then a STOP ends its transaction.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +14,7 @@ public:
     enum class Result : uint8_t {
         working,
         freed,
-        scl_stuck, ///< SCL stays low: nothing a master could do
+        scl_stuck, ///< SCL stays low: a master cannot free it
         sda_stuck, ///< SDA is low after nine clocks or did not follow the STOP
     };
 
@@ -27,10 +27,10 @@ public:
 private:
     enum class Phase : uint8_t { let_go, clock_low, clock_high, stop_low, stop_sda, stop_high, stop_end };
     static constexpr uint8_t clock_limit = 9;
-    static constexpr uint8_t patience = 200; ///< half clocks that SCL may be held low
+    static constexpr uint8_t scl_timeout = 200; ///< half clocks that SCL may be held low
 
     void go(Phase phase, bool pull_scl, bool pull_sda);
-    Result look(bool sda);
+    Result check_sda(bool sda);
 
     Phase phase_ = Phase::let_go;
     bool pulls_scl_ = false;

@@ -33,7 +33,7 @@ struct I2cMode {
     uint32_t rise_ns; ///< longest rise time, 30 % to 70 %
     uint32_t prescale;
     uint32_t filter;
-    uint32_t low_percent; ///< share of the period that SCL is low: long, so that SDA may rise slowly
+    uint32_t low_percent; ///< low fraction of the SCL period: large, for slow SDA edges
 };
 
 constexpr uint32_t i2c_clock_Hz = 60'000'000; ///< PLL3 / 8

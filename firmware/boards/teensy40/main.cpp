@@ -30,7 +30,7 @@ namespace {
 alignas(8) DMAMEM uint8_t burst_memory[default_burst_bytes];
 
 constexpr bool battery_wired = wiring::battery_pin >= 0;
-/// omni flash finds this in a .hex file by its words (host/omniwheel/flashing/hex_file.py) before it uploads it.
+/// omni flash finds this in a .hex file by its text (host/omniwheel/flashing/hex_file.py) before it uploads it.
 /// Volatile: it is read where it is, in flash memory, so the linker keeps it.
 struct ImageLabel {
     char words[20];
@@ -38,8 +38,8 @@ struct ImageLabel {
 };
 __attribute__((section(".progmem"))) const volatile ImageLabel image_label = {"omniwheel wiring id", wiring::id};
 constexpr uint32_t radio_baud = 9600; ///< until the stored LINK2_BAUD is known
-/// What was said before a reboot gets this long to leave.
-constexpr uint64_t farewell_us = 100'000;
+/// Time to send queued messages before a reboot.
+constexpr uint64_t reboot_flush_us = 100'000;
 /// A few attempts at 100 kHz, each with the bus freed before. A chip that is silent for longer is the driver's to try.
 constexpr uint64_t motor_stop_us = 10'000;
 
@@ -88,7 +88,7 @@ float battery_V() {
     return machine().battery_V();
 }
 
-/// As the USB port tells it (Teensyduino's usb_desc.c): what is burnt into the chip, small numbers times ten.
+/// As in the USB descriptor (Teensyduino's usb_desc.c): the fused number, small ones times ten.
 uint64_t serial_number() {
     const uint32_t burnt = HW_OCOTP_MAC0 & 0xFFFFFF;
     return burnt < 10'000'000 ? burnt * 10 : burnt;
@@ -108,8 +108,7 @@ void Teensy40::stop_motors() {
     }
 }
 
-/// Motors first: erasing flash memory may take seconds. Everything that may take long comes before the watchdog is
-/// started.
+/// Motors first: erasing flash memory may take seconds. Slow steps run before the watchdog is started.
 Board Teensy40::begin() {
     output_enable_.begin();
     motor_pins_.begin();
@@ -183,7 +182,7 @@ void Teensy40::loop() {
 
 void Teensy40::reboot() {
     const uint64_t begin_us = clock_.now_us();
-    while (clock_.now_us() - begin_us < farewell_us) {
+    while (clock_.now_us() - begin_us < reboot_flush_us) {
         app_->background();
     }
     timer_.end();

@@ -16,9 +16,9 @@ namespace {
 constexpr uint32_t paint = 0xC5C5C5C5;
 constexpr uintptr_t guard = 32;     ///< bytes that the memory protection unit watches, from _ebss on
 constexpr uintptr_t distance = 256; ///< from the function that paints
-/// Looked at first: five times what the stack can take (docs/concepts/teensy.md). All of it takes half a tick.
+/// Scanned first: five times what the stack can take (docs/concepts/teensy.md). All of it takes half a tick.
 constexpr uintptr_t depth = 32 * 1024;
-constexpr uintptr_t gap = 4 * 1024; ///< whoever goes deeper leaves a trace here: no frame is as large
+constexpr uintptr_t gap = 4 * 1024; ///< larger than any frame, so that a deeper stack marks it
 
 /// The addresses are numbers here: the compiler must not reason about the objects that the linker's symbols seem to be.
 volatile uint32_t *lowest() {

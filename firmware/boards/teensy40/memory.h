@@ -9,7 +9,7 @@ namespace omni {
 /// Fill the unused part of the stack with a pattern. Early, and only once.
 void paint_stack();
 
-/// Looks how far the pattern has been written over.
+/// Finds how far the pattern has been overwritten.
 MemoryFree memory_free();
 
 } // namespace omni

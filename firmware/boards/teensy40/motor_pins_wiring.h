@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file motor_pins_wiring.h  What stands against motors on the processor's own pins: settled at compile time.
+/// @file motor_pins_wiring.h  Checks of motors on the processor's own pins, at compile time.
 ///
 /// The same rules in Python, for `omni robots check`: shared/generate/omni_schema/wiring.py.
 #pragma once
@@ -9,7 +9,7 @@
 
 namespace omni {
 
-/// What stands against a wiring.
+/// Error of a wiring.
 enum class MotorPinsProblem : uint8_t {
     none,
     no_pins,    ///< the robot file gives no pins

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file pins.h  The PWM chip's output-enable pin, the stop button and the lamp.
+/// @file pins.h  The PWM chip's output-enable pin, the stop button and the LED.
 #pragma once
 
 #include <cstdint>

@@ -13,10 +13,10 @@ namespace omni {
 /// awake. Teensyduino does not notice a pulled cable. But the bus falls silent and the port takes that for suspend.
 class UsbPort final : public SerialPort {
 public:
-    /// Discards what comes while nobody is connected, so that the next one does not execute a leftover. Sees to it that
-    /// what was written before leaves.
+    /// Discards input without a connection, so that the next peer's session does not begin with stale commands. Flushes
+    /// earlier output.
     size_t read(uint8_t *data, size_t capacity) override;
-    /// Whole free buffers only: Teensyduino's write would wait up to 120 ms for more. 0 while nobody is connected.
+    /// Whole free buffers only: Teensyduino's write would wait up to 120 ms for more. 0 without a connection.
     size_t write_space() override;
     bool write(const uint8_t *data, size_t length) override;
     uint32_t session() override;
@@ -49,7 +49,7 @@ private:
     void follow_baud();
     bool line_idle();
     static size_t free_space();
-    /// A longest MAVLink frame twice: more would only make telemetry old.
+    /// Twice the longest MAVLink frame: more would only delay telemetry.
     static constexpr size_t more_for_writing = 560;
     /// 0.35 s at 115200 baud: as long as a flash erase may hold up the background.
     static constexpr size_t more_for_reading = 4096;

@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: MIT
-/// @file priorities.h  Who may interrupt whom. A smaller number interrupts a larger one; the NVIC keeps the upper four
+/// @file priorities.h  Interrupt priorities. A smaller number interrupts a larger one; the NVIC keeps the upper four
 /// bits.
 ///
-/// Encoder edges come first: one that is missed is lost for ever, and each takes well under a microsecond. The tick and
+/// Encoder edges come first: a missed one is lost, and each takes well under a microsecond. The tick and
 /// the I2C master have the same priority, so neither ever sees the other half-way. Teensyduino's own: SysTick 32,
 /// Serial1 64, USB and all others 128.
 #pragma once

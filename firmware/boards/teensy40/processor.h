@@ -8,7 +8,7 @@
 
 namespace omni {
 
-/// Keeps interrupts out for the lifetime of an object; nests. For a few instructions only.
+/// Disables interrupts for the lifetime of an object; nests. For a few instructions only.
 class InterruptLock {
 public:
     InterruptLock() { __asm__ volatile("mrs %0, primask\n\tcpsid i" : "=r"(primask_)::"memory"); }
@@ -20,7 +20,7 @@ private:
     uint32_t primask_;
 };
 
-/// Where Teensyduino's fault handler leaves what it saw; the memory keeps it over a reset.
+/// Teensyduino's fault record, in memory that survives a reset.
 inline const arm_fault_info_struct *fault_info() {
     uint32_t address = 0x2027FF80;
     // Without this the compiler takes the fixed address for an out-of-bounds access.

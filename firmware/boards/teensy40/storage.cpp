@@ -24,10 +24,10 @@ constexpr size_t program_unit = 32;
 constexpr size_t copy_unit = 8;
 static_assert(program_unit % copy_unit == 0);
 /// Before an erase: longer than any batch of the I2C bus takes, or is given.
-constexpr uint32_t bus_patience_ms = 20;
+constexpr uint32_t bus_timeout_ms = 20;
 /// Before each 32 bytes: an update at 400 kHz ends within this. A slower bus hardly notices 0.4 ms without interrupts,
-/// and 66 such waits in a row must not starve the watchdog.
-constexpr uint32_t bus_patience_short_ms = 1;
+/// and 66 such waits in a row must not trip the watchdog.
+constexpr uint32_t bus_timeout_short_ms = 1;
 
 const uint8_t *memory_of(size_t sector, size_t offset) {
     return flash_memory(base + static_cast<uint32_t>(sector * Flash::sector_size + offset));
@@ -40,7 +40,7 @@ void Teensy40Flash::read(size_t sector, size_t offset, uint8_t *data, size_t len
 }
 
 /// Whole copy units around the bytes; what is beside them is programmed to ones, which changes nothing in NOR flash. So
-/// units of ones alone are left out. The first stop of an empty memory is kept at once, not behind 2 KB of nothing.
+/// units of ones alone are left out. So the first stop in an empty memory is stored without first writing 2 KB.
 void Teensy40Flash::program(size_t sector, size_t offset, const uint8_t *data, size_t length) {
     while (length > 0) {
         const size_t before = offset % copy_unit;
@@ -51,7 +51,7 @@ void Teensy40Flash::program(size_t sector, size_t offset, const uint8_t *data, s
         std::memset(bytes, 0xFF, sizeof bytes);
         std::memcpy(bytes + before, data, count);
         if (std::any_of(bytes, bytes + whole, [](uint8_t byte) { return byte != 0xFF; })) {
-            wait_for_bus(bus_patience_short_ms);
+            wait_for_bus(bus_timeout_short_ms);
             // The address is a number for the flash controller; nothing is written through the pointer.
             eepromemu_flash_write(const_cast<uint8_t *>(memory_of(sector, begin)), bytes, static_cast<uint32_t>(whole));
         }
@@ -67,7 +67,7 @@ void Teensy40Flash::wait_for_bus(uint32_t patience_ms) {
 }
 
 void Teensy40Flash::erase(size_t sector) {
-    wait_for_bus(bus_patience_ms);
+    wait_for_bus(bus_timeout_ms);
     if (watched_) {
         watchdog_.expect_erase(true);
     }

@@ -22,7 +22,7 @@ public:
     /// nullptr: none.
     explicit Teensy40Flash(Teensy40Watchdog &watchdog, const Teensy40I2c *bus = nullptr)
         : watchdog_(watchdog), bus_(bus) {}
-    /// From now on erasing must not look like a hang.
+    /// The watchdog runs from now on: extend its timeout while erasing.
     void watched() { watched_ = true; }
 
     size_t sectors() override { return 15; }

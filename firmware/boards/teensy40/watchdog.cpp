@@ -6,6 +6,7 @@
 
 #include <cstring>
 
+#include "app/base/crc32.h"
 #include "app/base/flash_code.h"
 #include "boards/teensy40/processor.h"
 
@@ -18,13 +19,13 @@ constexpr uint32_t feed_word = 0xB480A602;
 constexpr uint32_t counts_per_ms =
     32; ///< of the 32.768 kHz low-power oscillator, which does not depend on the processor's clock
 constexpr uint32_t low_power_clock = 1;
-constexpr int unlock_patience = 1000;
-/// For what crosses to the oscillator's side: a command or a configuration takes a few of its 31 us periods.
-constexpr uint32_t crossing_patience_ms = 1;
+constexpr int unlock_polls = 1000;
+/// Clock domain crossing to the oscillator: a command or a configuration takes a few of its 31 us periods.
+constexpr uint32_t crossing_timeout_ms = 1;
 
-/// Kept in SRC_GPR5 over a reset that was asked for.
-constexpr uint32_t asked_for = 0x4F4D4E49;
-/// What Teensyduino's fault handler leaves there when nobody ended its wait.
+/// In SRC_GPR5 across a requested reset.
+constexpr uint32_t requested_reset = 0x4F4D4E49;
+/// Left there by Teensyduino's fault handler if its wait was not interrupted.
 constexpr uint32_t fault_handler = 0x0BAD00F1;
 
 /// Bits of a SRC_SRSR and what they mean (reference manual, SRC Reset Status Register). The first row that fits counts.
@@ -75,16 +76,9 @@ Text &add_kind(Text &text, uint32_t cfsr, uint32_t exception) {
 
 /// CRC-32 of the fault handler's words as Teensyduino computes it: no final inversion.
 uint32_t fault_crc(const arm_fault_info_struct &info) {
-    uint32_t words[sizeof info / 4];
-    std::memcpy(words, &info, sizeof words);
-    uint32_t crc = 0xFFFFFFFF;
-    for (size_t i = 0; i + 1 < sizeof words / 4; ++i) {
-        crc ^= words[i];
-        for (int bit = 0; bit < 32; ++bit) {
-            crc = (crc >> 1) ^ ((crc & 1) != 0 ? 0xEDB88320u : 0u);
-        }
-    }
-    return crc;
+    uint8_t bytes[sizeof info - sizeof info.crc];
+    std::memcpy(bytes, &info, sizeof bytes);
+    return ~crc32(bytes, sizeof bytes);
 }
 
 bool valid(const arm_fault_info_struct &info) {
@@ -101,11 +95,11 @@ const ResetSource &source_of(uint32_t flags, uint32_t mark) {
     return no_source;
 }
 
-/// Wait until the watchdog has what it was told. @param there says so.
+/// Wait until the watchdog has taken over a setting. @param there true once it has.
 template <typename There>
 void wait_for_crossing(There there) {
     const uint32_t begin = ARM_DWT_CYCCNT;
-    while (!there() && ARM_DWT_CYCCNT - begin < F_CPU_ACTUAL / 1000 * crossing_patience_ms) {}
+    while (!there() && ARM_DWT_CYCCNT - begin < F_CPU_ACTUAL / 1000 * crossing_timeout_ms) {}
 }
 
 } // namespace
@@ -157,7 +151,7 @@ void Teensy40Watchdog::begin() {
     SRC_SRSR = flags & ~static_cast<uint32_t>(SRC_SRSR_TEMPSENSE_RST_B);
 }
 
-/// The count begins anew first: what has gone by under a longer limit may be more than a shorter one allows.
+/// Restart the count first: the time elapsed under a longer timeout may exceed the shorter one.
 void Teensy40Watchdog::configure(uint32_t time_out_ms) {
     const uint32_t counts = time_out_ms * counts_per_ms;
     CCM_CCGR5 |= CCM_CCGR5_WDOG3(CCM_CCGR_ON);
@@ -166,7 +160,7 @@ void Teensy40Watchdog::configure(uint32_t time_out_ms) {
     {
         const InterruptLock lock; // what follows the unlocking must follow within 128 bus clocks
         WDOG3_CNT = unlock_word;
-        for (int i = 0; i < unlock_patience && (WDOG3_CS & WDOG_CS_ULK) == 0; ++i) {}
+        for (int i = 0; i < unlock_polls && (WDOG3_CS & WDOG_CS_ULK) == 0; ++i) {}
         WDOG3_TOVAL = counts;
         WDOG3_WIN = 0;
         WDOG3_CS = static_cast<uint32_t>(WDOG_CS_FLG | WDOG_CS_CMD32EN | WDOG_CS_CLK(low_power_clock) | WDOG_CS_UPDATE |
@@ -183,7 +177,7 @@ void Teensy40Watchdog::feed() {
 }
 
 void Teensy40Watchdog::reset() {
-    SRC_GPR5 = asked_for;
+    SRC_GPR5 = requested_reset;
     system_reset();
 }
 

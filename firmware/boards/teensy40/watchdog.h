@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file watchdog.h  The RT watchdog (WDOG3), why the processor started, and what the fault handler kept of a crash.
+/// @file watchdog.h  The RT watchdog (WDOG3), the reset cause, and the fault handler's crash record.
 #pragma once
 
 #include <atomic>
@@ -11,8 +11,7 @@
 
 namespace omni {
 
-/// Says whether the tick and the background both live. The background asks, and hears yes only if a tick ran since it
-/// was last told yes.
+/// Liveness of tick and background: the background feeds the watchdog only if a tick has run since the last feeding.
 class AliveGate {
 public:
     void tick() { ticks_.fetch_add(1, std::memory_order_relaxed); }
@@ -23,7 +22,7 @@ private:
     uint32_t seen_ = 0;
 };
 
-/// What the fault handler saw.
+/// Crash record of the fault handler.
 struct CrashFacts {
     uint32_t address; ///< of the code
     uint32_t exception;
@@ -53,11 +52,11 @@ public:
     /// Longest sector erase by the flash chip's datasheet is 400 ms; interrupts are off meanwhile.
     static constexpr uint32_t erase_time_out_ms = 1000;
 
-    /// Find out why the processor started. First of all: others clear the registers.
+    /// Read the reset cause. Call it first: later code clears the registers.
     void begin();
-    /// Begin to watch. From here on only a reset ends it.
+    /// Start the watchdog. Only a reset stops it.
     void start() { configure(time_out_ms); }
-    /// Bracket something that keeps the tick from running. The time begins anew each time.
+    /// Bracket an operation that blocks the tick. Each call restarts the count.
     void expect_erase(bool begins) { configure(begins ? erase_time_out_ms : time_out_ms); }
     /// The timer's tick, to be called in every one.
     void tick() { alive_.tick(); }

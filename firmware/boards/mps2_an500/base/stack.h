@@ -13,7 +13,7 @@ constexpr uint32_t stack_paint = 0xA5A5A5A5;
 size_t stack_size();
 /// Bytes used at most since reset, or since the last repaint.
 size_t stack_used();
-/// Paint again what lies below the caller, to measure what comes next.
+/// Repaint the stack below the caller, to measure the calls that follow.
 void repaint_stack();
 /// Bytes in use now, to be subtracted from stack_used().
 size_t stack_depth();

@@ -94,7 +94,7 @@ void enable_fpu() {
     asm volatile("dsb\n\tisb" : : : "memory");
 }
 
-/// Nobody writes code, a null pointer does not read the vectors, and a stack that runs over its end faults.
+/// Code is read-only, address 0 is not readable (null pointers), and a stack overflow faults.
 void protect_memory() {
     constexpr uint32_t none = 0;
     constexpr uint32_t read_only = 6;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: MIT
-/// @file syscalls.cpp  What newlib's stdio asks of a system: console and files by semihosting, memory for its buffers.
+/// @file syscalls.cpp  System calls of newlib's stdio: console and files by semihosting, memory for its buffers.
 ///
 /// stdio is for start and end of a program (options, reports, tests); the firmware's own code uses neither it nor a
 /// heap.
