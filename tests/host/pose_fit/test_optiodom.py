@@ -33,7 +33,9 @@ def test_left_out_sessions_are_predicted_better_than_by_the_documented_geometry(
         pytest.skip(f"no logs in {DATA / data}")
     mapping = read_mapping(ROBOTS / f"{robot}_mapping.toml")
     layout = wheel_model(read_robot(ROBOTS / f"{robot}.toml"))
-    study = identify_geometry([run_of(import_log(path, mapping)[0], path.parent.name) for path in paths], layout)
+    study = identify_geometry(
+        [run_of(import_log(path, mapping)[0], path.parent.name, layout) for path in paths], layout
+    )
     nominal = summary([run.nominal for run in study.held_out], lambda run: run.largest_m)
     found = summary([run.identified for run in study.held_out], lambda run: run.largest_m)
     assert found.median < min(median_m, 0.65 * nominal.median)
