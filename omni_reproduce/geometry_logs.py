@@ -81,7 +81,7 @@ def run(context: Context) -> Result:
             )
             rows.append(Row(NAME, settings["name"], LARGEST, "m", None, explanation=missing))
             continue
-        found = identified(runs, paths, settings)
+        found = identified(runs, paths, settings, positions=not context.quick)
         rows += _rows(found, settings)
         notes.append(_note(found, settings["name"]))
         pictures.append(context.folder / f"optiodom_{settings['file']}.png")
@@ -101,12 +101,16 @@ def layout_of(robot: str) -> WheelModel:
     return wheel_model(read_robot(str(ROBOT_FOLDER / f"{robot}.toml")))
 
 
-def identified(runs: Sequence[Run], paths: Sequence[Path], settings: dict[str, Any]) -> Found:
-    """Identify and score by all splits that the runs allow."""
+def identified(
+    runs: Sequence[Run], paths: Sequence[Path], settings: dict[str, Any], *, positions: bool = True
+) -> Found:
+    """Identify and score by all splits that the runs allow; also from ``positions`` alone, which takes the longest."""
     layout = layout_of(settings["file"])
     study = identify_geometry(runs, layout)
-    positions = identify_geometry([without_headings(run) for run in runs], layout)
-    splits = [_documented(study), _left_out(study, LEFT_OUT), _left_out(positions, POSITIONS, runs)]
+    splits = [_documented(study), _left_out(study, LEFT_OUT)]
+    if positions:
+        bare = identify_geometry([without_headings(run) for run in runs], layout)
+        splits.append(_left_out(bare, POSITIONS, runs))
     named = {name: set(sessions) for name, sessions in settings["trained_on"].items()}
     usable = {name: sessions for name, sessions in named.items() if sessions <= set(groups_of(runs))}
     splits += [_trained(runs, layout, name, sessions) for name, sessions in usable.items()]
