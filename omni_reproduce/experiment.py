@@ -44,11 +44,15 @@ class Row:
 
 @dataclass(frozen=True)
 class Result:
-    """What an experiment leaves: rows, pictures below the context's folder, and paragraphs of Markdown."""
+    """What an experiment leaves: rows, pictures below the context's folder, and paragraphs of Markdown.
+
+    ``incomplete`` says which of the measured data were missing; empty where all were there.
+    """
 
     rows: tuple[Row, ...]
     pictures: tuple[Path, ...] = ()
     notes: tuple[str, ...] = ()
+    incomplete: str = ""
 
 
 def _ignore(share: float) -> None:
@@ -60,7 +64,7 @@ class Context:
     """What an experiment is told: where pictures go, how thorough to be, and whom to tell how far it is (0..1).
 
     ``workers`` is the number of threads for what computes outside of Python. Without a ``pool`` everything else is
-    computed in this process.
+    computed in this process. ``data`` is the folder of measured logs, in place of the one that the environment names.
     """
 
     folder: Path
@@ -68,6 +72,7 @@ class Context:
     seeds: int | None = None
     workers: int = field(default_factory=usable_processors)
     pool: Executor | None = None
+    data: Path | None = None
     progress: Callable[[float], None] = _ignore
 
     def count(self, full: int, quick: int) -> int:

@@ -46,8 +46,13 @@ SETTINGS = {
 NEEDS = "Needs the logs, which are not part of this project."
 
 
-def data_folder(spec: dict[str, Any]) -> Path:
-    """Return where the logs should be: the environment's folder, which must exist, else that beside the source tree."""
+def data_folder(spec: dict[str, Any], chosen: Path | None) -> Path:
+    """Return where the logs should be: the chosen folder, else the environment's, else that beside the source tree.
+
+    The environment's folder must exist.
+    """
+    if chosen is not None:
+        return chosen
     variable = spec["experiment"]["folder_variable"]
     given = os.environ.get(variable)
     root = Path(__file__).resolve().parents[1]
@@ -60,7 +65,7 @@ def run(context: Context) -> Result:
     """Identify with leave-one-out; a note says how to give the logs where they are absent."""
     spec = read_spec(NAME)
     settings = spec["experiment"]
-    folder = data_folder(spec)
+    folder = data_folder(spec, context.data)
     found = sorted(folder.glob(settings["runs"]))
     paths = [path for path in found if truth_path(path).is_file()]
     if len(paths) < 2:

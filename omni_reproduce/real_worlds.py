@@ -62,7 +62,7 @@ class Job:
 def run(context: Context) -> Result:
     """Compare; without logs, or without MuJoCo, a row says what is missing."""
     spec, settings = read_spec(NAME), read_spec(real_logs.NAME)["experiment"]
-    folder = real_logs.data_folder(read_spec(real_logs.NAME))
+    folder = real_logs.data_folder(read_spec(real_logs.NAME), context.data)
     paths = [path for path in sorted(folder.glob(settings["runs"])) if real_logs.truth_path(path).is_file()]
     if len(paths) < 2:
         missing = (

@@ -79,6 +79,8 @@ def section_of(experiment: Experiment, context: Context) -> str:
     (outcome,) = study.run_all([experiment], context, lambda _number, _share: None)
     if outcome.error:
         raise NotRunError(f"{outcome.error}; {outcome.hint}")
+    if outcome.result.incomplete:
+        raise NotRunError(outcome.result.incomplete)
     return as_kept(sections(page.summary([outcome], ""))[experiment.title])
 
 

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from omni_schema import Robot
     from omniwheel.identification.estimate import Estimate
     from omniwheel.identification.pose_fit.study import GeometryStudy
+    from omniwheel.identification.pose_fit.wheel_model import WheelModel
     from omniwheel.identification.pose_fit.windows import Run
 
 EXAMPLES = examples(
@@ -77,7 +78,7 @@ def identify_geometry(
         redrawn_path(plot, "--plot")
     nominal = read_robot(robot)
     layout = wheel_model(nominal)
-    runs = _runs(logs, truth or [None] * len(logs), mapping, nominal, leave_out)
+    runs = _runs(logs, truth or [None] * len(logs), mapping, nominal, leave_out, layout)
     groups = len({run.group for run in runs})
     note(f"{len(runs)} runs in {groups} groups; each group is left out in turn", quiet=as_json)
     study = identify(runs, layout)
@@ -104,7 +105,12 @@ def _draw(study: GeometryStudy, path: Path, *, as_json: bool) -> bool:
 
 
 def _runs(
-    logs: list[Path], truths: list[Path] | list[None], mapping: Path | None, robot: Robot, leave_out: LeaveOut | None
+    logs: list[Path],
+    truths: list[Path] | list[None],
+    mapping: Path | None,
+    robot: Robot,
+    leave_out: LeaveOut | None,
+    layout: WheelModel,
 ) -> list[Run]:
     """Read the logs; the groups that are left out together are fixed here, before any fit."""
     from omniwheel.identification.pose_fit.study import left_out_together
@@ -116,7 +122,7 @@ def _runs(
     runs = []
     for path, truth in zip(logs, truths, strict=True):
         folder = str(path.parent)
-        runs.append(run_of(open_log(path, robot, mapping, truth), folder))
+        runs.append(run_of(open_log(path, robot, mapping, truth), folder, layout))
     if by_folder:
         return runs
     if len(runs) > MOST_GROUPS:

@@ -35,8 +35,8 @@ def reproduce(
     names: Annotated[
         list[str] | None,
         typer.Argument(
-            metavar="[TABLE|FIGURE|EXPERIMENT]...",
-            help="Experiments to run, see --list. Default: all.",
+            metavar="[TABLE|FIGURE|EXPERIMENT]... [FOLDER]",
+            help="Experiments to run, see --list. Default: all. FOLDER: the measured logs of an experiment on logs.",
             autocompletion=completion.experiments,
         ),
     ] = None,
@@ -58,13 +58,16 @@ def reproduce(
     from omni_reproduce.experiment import Context
     from omni_reproduce.registry import select
 
-    chosen = select(names or [])
+    names, data = _names_and_folder(names or [])
+    chosen = select(names)
+    if data is not None and not any(entry.logs for entry in chosen if names):
+        raise typer.BadParameter(f"no experiment before the folder {data} reads logs; see omni reproduce --list")
     if listed:
         _print_list(chosen)
         return
     folder = _new_folder(out)
     with worker_pool() as pool, _progress(chosen, quiet=json_wanted) as show:
-        outcomes = study.run_all(chosen, Context(folder, quick=quick, seeds=seeds, pool=pool), show)
+        outcomes = study.run_all(chosen, Context(folder, quick=quick, seeds=seeds, pool=pool, data=data), show)
     about = {"omniwheel": __version__, "quick": quick, "seeds": seeds, "folder": str(folder)}
     everything = finite(page.data(outcomes, about))
     if not json_wanted:
@@ -77,6 +80,15 @@ def reproduce(
         console.print(f"\n[bold]{folder / page.HTML_FILE}[/]", soft_wrap=True)
     if any(outcome.error for outcome in outcomes):
         raise typer.Exit(FAILED)
+
+
+def _names_and_folder(arguments: list[str]) -> tuple[list[str], Path | None]:
+    """Return the names and the folder of measured logs, which comes last if at all."""
+    from omni_reproduce.registry import targets
+
+    if not arguments or arguments[-1] in targets() or not Path(arguments[-1]).is_dir():
+        return arguments, None
+    return arguments[:-1], Path(arguments[-1])
 
 
 def _new_folder(out: Path) -> Path:

@@ -42,15 +42,19 @@ def twists(motion: Motion, seed: int, duration_s: float) -> Array:
     return np.asarray(np.column_stack((motion.speed[0] * waves[0], motion.speed[1] * waves[1], turn)) * ramp)
 
 
-def true_values(layout: WheelModel, seed: int, direction: float = 0.0) -> Array:
-    """Return parameters (p,) of a robot 1 to 3 % off its drawing, its tracked point 20 to 40 mm off its centre."""
+def true_values(layout: WheelModel, seed: int, direction: float = 0.0, turn: float = 0.0) -> Array:
+    """Return parameters (p,) of a robot 1 to 3 % off its drawing, its tracked point 20 to 40 mm off its centre.
+
+    ``turn``: by how much more of its turn it turns where it goes straight.
+    """
     random = np.random.default_rng(seed)
     n = layout.wheels
     values = layout.nominal
     values[:n] *= 0.97 + 0.01 * random.uniform(-1.0, 1.0, n)
     values[n] *= 0.98
     values[n + 1 : n + 4] = (0.03, -0.02, 0.01)
-    values[-n:] = direction * np.resize((1.0, -1.0), n)
+    values[-n - 1 : -1] = direction * np.resize((1.0, -1.0), n)
+    values[-1] = turn
     return values
 
 
@@ -70,12 +74,15 @@ def drive(
     twist = twists(motion or Motion(), seed, duration_s)
     n = layout.wheels
     matrix = layout.matrix(values)
-    forward, backward = matrix[:, :n], matrix[:, n:]
-    angle = np.linalg.pinv(0.5 * (forward + backward)) @ (twist * PERIOD_S).T
+    forward, backward = matrix[:, :n], matrix[:, n : 2 * n]
+    speed, turn = np.hypot(twist[:, 0], twist[:, 1]), layout.distance_m * np.abs(twist[:, 2])
+    rolled = twist.copy()
+    rolled[:, 2] /= 1.0 + values[-1] * speed / np.maximum(speed + turn, 1e-9)
+    angle = np.linalg.pinv(0.5 * (forward + backward)) @ (rolled * PERIOD_S).T
     for _ in range(5):
-        used = np.where(angle > 0.0, values[-n:, None], -values[-n:, None])
+        used = np.where(angle > 0.0, values[-n - 1 : -1, None], -values[-n - 1 : -1, None])
         plain = 0.5 * (forward + backward)
-        angle = np.linalg.pinv(plain) @ (twist * PERIOD_S).T / (1.0 + used)
+        angle = np.linalg.pinv(plain) @ (rolled * PERIOD_S).T / (1.0 + used)
     total = np.cumsum(angle.T, axis=0) * COUNTS / (2.0 * np.pi)
     counts = np.diff(np.round(total), axis=0, prepend=np.zeros((1, n)))
     heading = 0.3 + np.cumsum(twist[:, 2]) * PERIOD_S
@@ -106,4 +113,4 @@ def drive(
 
 def runs(layout: WheelModel, values: Array, motion: Motion | None = None, count: int = 4) -> list[Run]:
     """Return so many runs, each a group of its own."""
-    return [run_of(drive(layout, values, seed, motion), f"group {seed}") for seed in range(count)]
+    return [run_of(drive(layout, values, seed, motion), f"group {seed}", layout) for seed in range(count)]

@@ -51,6 +51,7 @@ def simulated(nominal: Robot, seed: int) -> tuple[list[Run], dict[str, float]]:
     truth["tracked_heading_rad"] = -float(off.mean())
     truth |= {f"wheel_{wheel}_angle_rad": float(each - off.mean()) for wheel, each in enumerate(off, start=1)}
     truth |= {f"wheel_{wheel}_{kind}": 0.0 for wheel in range(1, len(off) + 1) for kind in ("lever_m", "direction")}
+    truth["turn_translating"] = 0.0
     return runs, truth
 
 
@@ -61,8 +62,7 @@ def one_run(known: SimulatedRobot, number: int, draw: np.random.Generator) -> Ru
     rate, phase = draw.uniform(0.4, 1.2, known.robot.wheels), draw.uniform(0.0, 2.0 * np.pi, known.robot.wheels)
     data = known.run(f"run{number}", DUTY * ramp * np.sin(time[:, None] * rate + phase), run=number)
     assert data.wheel_angle_rad is not None
-    step = np.diff(data.wheel_angle_rad, axis=0, prepend=data.wheel_angle_rad[:1])
-    rolled = np.cumsum(np.concatenate((np.maximum(step, 0.0), np.minimum(step, 0.0)), axis=1), axis=0)
+    rolled = wheel_model(known.robot).rolled(data.time_s, data.wheel_angle_rad)
     pose = data.pose.copy()
     pose[:, 2] = np.unwrap(pose[:, 2])
     return Run(f"run{number}", f"half {number % 2}", data.time_s, rolled, data.pose_time_s, pose, same_clock=True)

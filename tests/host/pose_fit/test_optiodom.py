@@ -23,7 +23,7 @@ ROBOTS = ROOT / "omni_reproduce" / "optiodom"
 @pytest.mark.full
 @pytest.mark.parametrize(
     ("data", "robot", "median_m", "largest_m"),
-    [("omni3", "three_wheel", 0.115, 0.19), ("omni4", "four_wheel", 0.085, 0.14)],
+    [("omni3", "three_wheel", 0.09, 0.165), ("omni4", "four_wheel", 0.085, 0.14)],
 )
 def test_left_out_sessions_are_predicted_better_than_by_the_documented_geometry(
     data: str, robot: str, median_m: float, largest_m: float
@@ -33,9 +33,12 @@ def test_left_out_sessions_are_predicted_better_than_by_the_documented_geometry(
         pytest.skip(f"no logs in {DATA / data}")
     mapping = read_mapping(ROBOTS / f"{robot}_mapping.toml")
     layout = wheel_model(read_robot(ROBOTS / f"{robot}.toml"))
-    study = identify_geometry([run_of(import_log(path, mapping)[0], path.parent.name) for path in paths], layout)
+    study = identify_geometry(
+        [run_of(import_log(path, mapping)[0], path.parent.name, layout) for path in paths], layout
+    )
     nominal = summary([run.nominal for run in study.held_out], lambda run: run.largest_m)
     found = summary([run.identified for run in study.held_out], lambda run: run.largest_m)
     assert found.median < min(median_m, 0.65 * nominal.median)
     assert found.largest < min(largest_m, 0.65 * nominal.largest)
-    assert study.whole.refused == ()
+    # Two wheels of the four-wheel robot roll nearly one way only in these runs.
+    assert all(refusal.name.endswith("direction") for refusal in study.whole.refused)

@@ -36,7 +36,7 @@ def positions(log: WheelLog) -> WheelLog:
 @pytest.mark.parametrize("layout", [THREE, FOUR], ids=["three", "four"])
 def test_one_marker_off_the_centre_shows_geometry_and_its_own_place(layout: WheelModel) -> None:
     truth = marked(layout, 5)
-    runs = [run_of(positions(drive(layout, truth, seed)), f"run {seed}") for seed in range(4)]
+    runs = [run_of(positions(drive(layout, truth, seed)), f"run {seed}", layout) for seed in range(4)]
     study = identify_geometry(runs, layout)
     found, known = study.whole.plain, dict(zip(layout.names, truth, strict=True))
     wanted = {n for n, kind in zip(layout.names, layout.kinds, strict=True) if kind in PLANT} - {"tracked_heading_rad"}
@@ -54,7 +54,9 @@ def test_one_marker_off_the_centre_shows_geometry_and_its_own_place(layout: Whee
 def test_slopes_of_positions_are_those_of_poses_at_the_heading_that_fits_best() -> None:
     values = marked(THREE, 1)
     log = drive(THREE, values, 1, duration_s=15.0)
-    with_heading, without = (cut(run, 0, run.truth_s)[0] for run in (run_of(log, ""), run_of(positions(log), "")))
+    with_heading, without = (
+        cut(run, 0, run.truth_s)[0] for run in (run_of(log, "", THREE), run_of(positions(log), "", THREE))
+    )
     matrix = THREE.matrix(values)
     residual, slope, start = linearised(without, matrix)
     assert not residual[:, 2].any()
@@ -76,14 +78,14 @@ def test_the_turn_of_points_is_found_whatever_their_shift() -> None:
 def test_a_score_without_headings_fits_the_start_heading() -> None:
     values = marked(THREE, 3)
     log = drive(THREE, values, 3)
-    bare = score(run_of(positions(log), ""), THREE.matrix(values))
-    assert bare.largest_m <= score(run_of(log, ""), THREE.matrix(values)).largest_m + 4.0 * NOISE[0]
+    bare = score(run_of(positions(log), "", THREE), THREE.matrix(values))
+    assert bare.largest_m <= score(run_of(log, "", THREE), THREE.matrix(values)).largest_m + 4.0 * NOISE[0]
     assert np.isnan(bare.heading_rad)
 
 
 def test_a_foreign_clock_is_found_from_the_speed() -> None:
     values = true_values(THREE, 10)
-    run = run_of(positions(drive(THREE, values, 10, lag=(1.3, 2e-3))), "")
+    run = run_of(positions(drive(THREE, values, 10, lag=(1.3, 2e-3))), "", THREE)
     clock = measure_clock(run, THREE.matrix(values))
     assert clock.lag(np.array([20.0]))[0] == pytest.approx(1.34, abs=0.02)
 
@@ -96,4 +98,4 @@ def test_a_mirrored_frame_is_refused() -> None:
         truth = log.require_truth()
         logs.append(replace(log, truth=replace(truth, xy=truth.xy * (1.0, -1.0))))
     with pytest.raises(LogError, match="follow"):
-        identify_geometry([run_of(log, log.name) for log in logs], THREE)
+        identify_geometry([run_of(log, log.name, THREE) for log in logs], THREE)

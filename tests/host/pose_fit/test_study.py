@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from omniwheel.errors import LogError
 from omniwheel.identification.pose_fit.clock import measure_clock
 from omniwheel.identification.pose_fit.scores import dead_reckoned
-from omniwheel.identification.pose_fit.study import GeometryStudy, HeldOut, identify_geometry
+from omniwheel.identification.pose_fit.study import GeometryStudy, HeldOut, identify_geometry, train_and_test
 from omniwheel.identification.pose_fit.wheel_model import PLANT, WheelModel
 from omniwheel.identification.pose_fit.windows import run_of
 from tests.host.pose_fit.robots import FOUR, NOISE, THREE, Motion, drive, runs, true_values
@@ -74,6 +74,28 @@ def test_a_radius_by_direction_is_chosen_where_the_wheels_have_one_and_only_ther
             assert abs(value) < 3e-3
 
 
+def test_a_turn_that_depends_on_translation_is_found_and_chosen_only_where_there_is_one() -> None:
+    slides = identify_geometry(runs(THREE, true_values(THREE, 6, turn=-0.03)), THREE)
+    assert "turn_translating" in slides.whole.model.kinds
+    assert slides.whole.chosen.covers("turn_translating", -0.03)
+    assert slides.whole.chosen["turn_translating"] == pytest.approx(-0.03, abs=0.01)
+    alike = identify_geometry(runs(THREE, true_values(THREE, 6)), THREE)
+    if "turn_translating" in alike.whole.chosen.names:
+        assert alike.whole.chosen.covers("turn_translating", 0.0)
+
+
+def test_the_runs_of_a_named_set_are_not_those_that_are_scored() -> None:
+    driven = runs(THREE, true_values(THREE, 5))
+    found, held_out = train_and_test(driven, THREE, {"group 0", "group 2"})
+    assert [run.number for run in held_out] == [1, 3]
+    alone, _ = train_and_test([driven[0], driven[2], driven[3]], THREE, {"group 0", "group 2"})
+    np.testing.assert_array_equal(found.matrix, alone.matrix)
+    for run in held_out:
+        assert run.identified.largest_m < 0.25 * run.nominal.largest_m
+    with pytest.raises(LogError, match="group 9"):
+        train_and_test(driven, THREE, {"group 9"})
+
+
 def test_straight_runs_refuse_what_only_turning_shows_and_name_the_motion() -> None:
     truth = true_values(THREE, 7)
     study = identify_geometry(runs(THREE, truth, Motion(turn=0.0)), THREE)
@@ -105,7 +127,7 @@ def test_start_and_end_poses_alone_show_radii_and_distance() -> None:
         log = drive(THREE, truth, seed, duration_s=12.0)
         poses = log.require_truth()
         ends = replace(poses, time_s=poses.time_s[[0, -1]], xy=poses.xy[[0, -1]], theta=np.unwrap(poses.theta)[[0, -1]])
-        logs.append(run_of(replace(log, truth=ends), f"group {seed % 4}"))
+        logs.append(run_of(replace(log, truth=ends), f"group {seed % 4}", THREE))
     study = identify_geometry(logs, THREE)
     known = dict(zip(THREE.names, truth, strict=True))
     for name in ("wheel_1_radius_m", "wheel_2_radius_m", "wheel_3_radius_m", "wheel_distance_m"):
@@ -115,7 +137,7 @@ def test_start_and_end_poses_alone_show_radii_and_distance() -> None:
 
 def test_offset_and_rate_of_a_foreign_clock_are_found() -> None:
     values = true_values(THREE, 10)
-    run = run_of(drive(THREE, values, 10, lag=(1.3, 2e-3)), "")
+    run = run_of(drive(THREE, values, 10, lag=(1.3, 2e-3)), "", THREE)
     clock = measure_clock(run, THREE.matrix(THREE.nominal))
     assert clock.measured
     assert clock.lag(np.array([20.0]))[0] == pytest.approx(1.34, abs=0.02)
@@ -125,7 +147,7 @@ def test_offset_and_rate_of_a_foreign_clock_are_found() -> None:
 
 def test_wheels_in_the_wrong_order_or_a_wrong_sign_are_refused() -> None:
     logs = [drive(THREE, true_values(THREE, 11), seed) for seed in range(2)]
-    wrong = [run_of(replace(log, counts=-log.counts), log.name) for log in logs]
+    wrong = [run_of(replace(log, counts=-log.counts), log.name, THREE) for log in logs]
     with pytest.raises(LogError, match="follow"):
         identify_geometry(wrong, THREE)
 

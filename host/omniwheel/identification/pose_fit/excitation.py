@@ -80,8 +80,8 @@ def one_way_wheels(runs: Sequence[Run]) -> list[Refusal]:
 
 def _rolled(runs: Sequence[Run]) -> tuple[list[float], list[float]]:
     wheels = runs[0].wheels
-    total = sum((np.abs(run.rolled_rad[-1] - run.rolled_rad[0]) for run in runs), np.zeros(2 * wheels))
-    return [float(value) for value in total[:wheels]], [float(value) for value in total[wheels:]]
+    total = sum((np.abs(run.rolled_rad[-1] - run.rolled_rad[0]) for run in runs), np.zeros(3 * wheels))
+    return [float(value) for value in total[:wheels]], [float(value) for value in total[wheels : 2 * wheels]]
 
 
 def _one_way(runs: Sequence[Run]) -> str:

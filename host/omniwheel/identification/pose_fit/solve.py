@@ -197,7 +197,7 @@ def estimate(fit: Fit, quadratics: Quadratics, layout: WheelModel) -> Estimate:
 def _separated(layout: WheelModel) -> Array:
     """Return the matrix (p, p) that moves what the angles or the levers have in common to the plain parameters."""
     n = layout.wheels
-    move = np.eye(4 * n + 4)
+    move = np.eye(4 * n + 5)
     angle, lever = slice(n + 4, 2 * n + 4), slice(2 * n + 4, 3 * n + 4)
     move[n + 3, angle] = -1.0 / n
     move[angle, angle] -= 1.0 / n

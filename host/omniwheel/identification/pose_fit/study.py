@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: MIT
 """Geometry from runs with poses, judged on runs that were left out: the split is fixed before any fit.
 
-Each group of runs is left out in turn. The model (plain geometry, full matrix, radius by direction) is chosen among the
-other groups alone, by leaving out one of those: a model with more parameters has to predict left-out runs better by
-more than the standard error of that difference. Clocks are measured with the documented geometry, before any fit.
+Each group of runs is left out in turn. The model (plain geometry, full matrix, turn by translation, radius by
+direction) is chosen among the other groups alone, by leaving out one of those: a model with more parameters has to
+predict left-out runs better by more than the standard error of that difference. Clocks are measured with the documented
+geometry, before any fit.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -78,13 +79,7 @@ def identify_geometry(runs: Sequence[Run], layout: WheelModel) -> GeometryStudy:
 
     Raises LogError where the runs show no radius at all, or contradict their poses.
     """
-    for run in runs:
-        if run.wheels != layout.wheels:
-            raise LogError(f"{run.name} has {run.wheels} wheels; the robot file has {layout.wheels}")
-    nominal = layout.matrix(layout.nominal)
-    window_s = window_length_s(runs)
-    clocks = [measure_clock(run, nominal) for run in runs]
-    windows = _windows(runs, dict(enumerate(clocks)), window_s)
+    clocks, windows = _prepared(runs, layout)
     every = range(len(runs))
     whole = _identify(runs, windows, list(every), layout)
     groups = groups_of(runs)
@@ -99,12 +94,40 @@ def identify_geometry(runs: Sequence[Run], layout: WheelModel) -> GeometryStudy:
             unscored[group] = str(error)
             continue
         models[group] = found.model
-        for number in left_out:
-            run = runs[number]
-            clock = clocks[number] if run.has_heading else measure_clock(run, found.matrix)
-            held_out.append(_scored(run, number, clock, nominal, found.matrix))
+        held_out += _scored(runs, left_out, clocks, layout, found.matrix)
     final = tuple(measure_clock(run, whole.matrix) for run in runs)
     return GeometryStudy(layout, tuple(runs), whole, groups, models, unscored, tuple(held_out), final)
+
+
+def train_and_test(
+    runs: Sequence[Run], layout: WheelModel, trained_on: Collection[str]
+) -> tuple[Geometry, list[HeldOut]]:
+    """Identify from the runs of the groups ``trained_on``; also the scores of all other runs.
+
+    Raises LogError where a group has no run, or the runs show no radius.
+    """
+    missing = set(trained_on) - set(groups_of(runs))
+    if missing:
+        raise LogError(f"no runs of {', '.join(sorted(missing))}", hint="give a folder that has all runs of the split")
+    train = [number for number, run in enumerate(runs) if run.group in trained_on]
+    test = [number for number, run in enumerate(runs) if run.group not in trained_on]
+    used = [runs[number] for number in train]
+    # The length of the windows must not depend on the other runs.
+    _, windows = _prepared(used, layout)
+    found = _identify(used, windows, range(len(used)), layout)
+    nominal = layout.matrix(layout.nominal)
+    clocks = {number: measure_clock(runs[number], nominal) for number in test}
+    return found, _scored(runs, test, clocks, layout, found.matrix)
+
+
+def _prepared(runs: Sequence[Run], layout: WheelModel) -> tuple[dict[int, Clock], list[Window]]:
+    """Measure the runs' clocks with the documented geometry, and cut the runs. Raises LogError."""
+    for run in runs:
+        if run.wheels != layout.wheels:
+            raise LogError(f"{run.name} has {run.wheels} wheels; the robot file has {layout.wheels}")
+    nominal = layout.matrix(layout.nominal)
+    clocks = {number: measure_clock(run, nominal) for number, run in enumerate(runs)}
+    return clocks, _windows(runs, clocks, window_length_s(runs))
 
 
 def _windows(runs: Sequence[Run], clocks: Mapping[int, Clock], window_s: float) -> list[Window]:
@@ -116,9 +139,19 @@ def _windows(runs: Sequence[Run], clocks: Mapping[int, Clock], window_s: float) 
     ]
 
 
-def _scored(run: Run, number: int, clock: Clock, nominal: Array, matrix: Array) -> HeldOut:
-    raw = None if run.same_clock else clock
-    return HeldOut(number, matrix, score(run, nominal, raw), score(run, matrix, raw), score(run, matrix, clock))
+def _scored(
+    runs: Sequence[Run], numbers: Sequence[int], clocks: Mapping[int, Clock], layout: WheelModel, matrix: Array
+) -> list[HeldOut]:
+    """Score runs that had no part in the fit."""
+    nominal = layout.matrix(layout.nominal)
+    scored = []
+    for number in numbers:
+        run = runs[number]
+        clock = clocks[number] if run.has_heading else measure_clock(run, matrix)
+        raw = None if run.same_clock else clock
+        scores = score(run, nominal, raw), score(run, matrix, raw), score(run, matrix, clock)
+        scored.append(HeldOut(number, matrix, *scores))
+    return scored
 
 
 def _identify(runs: Sequence[Run], windows: Sequence[Window], chosen: Sequence[int], layout: WheelModel) -> Geometry:
@@ -195,11 +228,14 @@ def choose_model(
     held: Sequence[str],
     plain: Fit,
 ) -> Model:
-    """Return the model that predicts left-out groups best; more parameters only for a clear gain."""
+    """Return the model that predicts left-out groups best; more parameters only for a clear gain.
+
+    Where all runs are of one group, each is left out alone.
+    """
     groups = groups_of(runs)
-    if len(groups) < LEAST_GROUPS:
-        return MODELS[0]
     parts = [[n for n, run in zip(numbers, runs, strict=True) if run.group == group] for group in groups]
+    if len(groups) < LEAST_GROUPS:
+        parts = [[number] for number in numbers]
 
     def costs(model: Model) -> Array:
         found = []

@@ -11,6 +11,10 @@ at (c_x, c_y) in the wheels' frame, and the tracked heading ahead of the wheels'
 ``angle_i`` and ``lever_i`` are deviations of single wheels. With them the matrix C with the rows
 (-sin a_i, cos a_i, l_i) / r_i is any n x 3 matrix. The odometry matrix is its pseudo-inverse, with a factor
 (1 + direction_i) on forward and (1 - direction_i) on backward rolling.
+
+A robot that translates may turn by less than one that turns on the spot, for the same rolling: with the share of
+translation ``g = |v| / (|v| + l |wz|)``, between 0 (turns on the spot) and 1 (goes straight), its turn has the factor
+(1 + turn_translating g).
 """
 
 from __future__ import annotations
@@ -28,9 +32,11 @@ Array = NDArray[np.float64]
 
 PLANT = ("radius", "distance", "tracked_x", "tracked_y", "tracked_heading")
 """Kinds of parameters of the plain geometry."""
+SHARE_WITHIN_S = 0.2
+"""The share of translation is that of the motion within this time: a row alone has too few counts."""
 MATRIX = (*PLANT, "angle", "lever")
-BY_DIRECTION = (*PLANT, "direction")
-MATRIX_BY_DIRECTION = (*MATRIX, "direction")
+TURN = "turn_translating"
+DIRECTION = "direction"
 UNITS = {
     "radius": "_m",
     "distance": "_m",
@@ -40,6 +46,7 @@ UNITS = {
     "angle": "_rad",
     "lever": "_m",
     "direction": "",
+    "turn_translating": "",
 }
 
 
@@ -53,9 +60,13 @@ class Model:
 
 MODELS = (
     Model("geometry", PLANT),
-    Model("geometry, radius by direction", BY_DIRECTION),
+    Model("geometry, turn by translation", (*PLANT, TURN)),
+    Model("geometry, radius by direction", (*PLANT, DIRECTION)),
+    Model("geometry, turn by translation, radius by direction", (*PLANT, TURN, DIRECTION)),
     Model("full matrix", MATRIX),
-    Model("full matrix, radius by direction", MATRIX_BY_DIRECTION),
+    Model("full matrix, turn by translation", (*MATRIX, TURN)),
+    Model("full matrix, radius by direction", (*MATRIX, DIRECTION)),
+    Model("full matrix, turn by translation, radius by direction", (*MATRIX, TURN, DIRECTION)),
 )
 """From the fewest parameters to the most."""
 
@@ -78,7 +89,7 @@ class WheelModel:
         """The kind of each parameter."""
         n = self.wheels
         single = ("distance", "tracked_x", "tracked_y", "tracked_heading")
-        return ("radius",) * n + single + ("angle",) * n + ("lever",) * n + ("direction",) * n
+        return ("radius",) * n + single + ("angle",) * n + ("lever",) * n + ("direction",) * n + (TURN,)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -98,7 +109,7 @@ class WheelModel:
     def nominal(self) -> Array:
         """Parameters of the documented geometry."""
         n = self.wheels
-        return np.array([self.radius_m] * n + [self.distance_m] + [0.0] * (3 + 3 * n))
+        return np.array([self.radius_m] * n + [self.distance_m] + [0.0] * (4 + 3 * n))
 
     @property
     def prior_sd(self) -> Array:
@@ -112,6 +123,7 @@ class WheelModel:
             "angle": 0.02,
             "lever": 0.03 * self.distance_m,
             "direction": 0.03,
+            "turn_translating": 0.05,
         }
         return np.array([sd[kind] for kind in self.kinds])
 
@@ -120,25 +132,44 @@ class WheelModel:
         return np.array([k in model.kinds and n not in held for k, n in zip(self.kinds, self.names, strict=True)])
 
     def matrix(self, values: Array) -> Array:
-        """Odometry matrix (3, 2 n) [m, m, rad per rad], forward rolling first."""
+        """Odometry matrix (..., 3, 3 n) [m, m, rad per rad]: forward rolling, backward rolling, rolling times g.
+
+        Of parameters (..., p).
+        """
         n = self.wheels
-        radius, distance, x, y, heading = values[:n], *values[n : n + 4]
-        angle, lever, direction = (values[n + 4 + k * n : n + 4 + (k + 1) * n] for k in range(3))
+        radius = values[..., :n]
+        distance, x, y, heading = (values[..., n + k, None] for k in range(4))
+        angle, lever, direction = (values[..., n + 4 + k * n : n + 4 + (k + 1) * n] for k in range(3))
         bearing = self.bearing_rad
         driven = bearing - heading + angle
         arm = distance - x * np.cos(bearing) - y * np.sin(bearing) + lever
-        inverse = np.column_stack((-np.sin(driven), np.cos(driven), arm)) / radius[:, None]
-        forward = np.linalg.pinv(inverse)
-        return np.hstack((forward * (1.0 + direction), forward * (1.0 - direction)))
+        inverse = np.stack((-np.sin(driven), np.cos(driven), arm), axis=-1) / radius[..., None]
+        plain = np.linalg.pinv(inverse)
+        turn = plain * np.array([[0.0], [0.0], [1.0]]) * values[..., -1, None, None]
+        direction = direction[..., None, :]
+        return np.concatenate((plain * (1.0 + direction), plain * (1.0 - direction), turn), axis=-1)
+
+    def rolled(self, time_s: Array, angle_rad: Array) -> Array:
+        """Return what the matrix acts on, summed up (m, 3 n), from wheel angles (m, n) at times (m,)."""
+        step = np.diff(angle_rad, axis=0, prepend=angle_rad[:1])
+        share = np.concatenate(([0.0], self.translating(time_s, angle_rad)))[:, None]
+        return np.cumsum(np.hstack((np.maximum(step, 0.0), np.minimum(step, 0.0), share * step)), axis=0)
+
+    def translating(self, time_s: Array, angle_rad: Array) -> Array:
+        """Return the share of translation (m - 1,) between the rows, 0 to 1, by the documented geometry."""
+        middle = 0.5 * (time_s[1:] + time_s[:-1])
+        ends = [middle + half for half in (-0.5 * SHARE_WITHIN_S, 0.5 * SHARE_WITHIN_S)]
+        moved = np.column_stack([np.diff([np.interp(end, time_s, c) for end in ends], axis=0)[0] for c in angle_rad.T])
+        body = moved @ self.matrix(self.nominal)[:, : self.wheels].T
+        speed, turn = np.hypot(body[:, 0], body[:, 1]), self.distance_m * np.abs(body[:, 2])
+        return np.asarray(speed / np.maximum(speed + turn, 1e-12))
 
     def slope(self, values: Array) -> Array:
-        """Derivative (6 n, p) of the flattened matrix by the parameters."""
+        """Derivative (9 n, p) of the flattened matrix by the parameters."""
         step = 1e-5 * self.prior_sd
-        columns = [
-            (self.matrix(values + h * unit) - self.matrix(values - h * unit)).ravel() / (2.0 * h)
-            for h, unit in zip(step, np.eye(len(values)), strict=True)
-        ]
-        return np.column_stack(columns)
+        moved = np.diag(step)
+        change = self.matrix(values + moved) - self.matrix(values - moved)
+        return np.asarray((change.reshape(len(step), -1) / (2.0 * step[:, None])).T)
 
 
 def wheel_model(robot: Robot) -> WheelModel:

@@ -15,13 +15,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from omniwheel.errors import LogError
+from omniwheel.identification.pose_fit.wheel_model import WheelModel
 from omniwheel.logs.log import Array, WheelLog
 
-WINDOWS_S = (6.0, 30.0)
-"""Shortest and longest window: errors of heading become errors of position in a long one, short ones are many."""
-WINDOWS = 40
+WINDOWS_S = (6.0, 240.0)
+"""Shortest and longest window. A run is whole where there are enough: what is systematic adds up, noise does not."""
+WINDOWS = 12
 """Windows that all runs together are cut into, as far as their length allows."""
-POSES_PER_WINDOW = 20
+POSES_PER_WINDOW = 40
+LONGEST_STEP_S = 0.04
+"""Rows nearer together than this are added up: the path is made of arcs."""
 LEAST_POSES = 2
 UNKNOWN_HEADING_SD_RAD = np.pi
 """Standard deviation of the heading at the start of a window whose poses have none."""
@@ -31,8 +34,8 @@ UNKNOWN_HEADING_SD_RAD = np.pi
 class Run:
     """One log for the fit.
 
-    ``time_s`` (n,); ``rolled_rad`` (n, 2 wheels) cumulative wheel angles, forward rolling first; ``truth_s`` (m,) on
-    the truth's clock and ``pose`` (m, 3) [m, m, rad], heading unwrapped, or all NaN where the truth has positions only.
+    ``time_s`` (n,); ``rolled_rad`` (n, 3 wheels) as ``WheelModel.rolled`` returns it; ``truth_s`` (m,) on the truth's
+    clock and ``pose`` (m, 3) [m, m, rad], heading unwrapped, or all NaN where the truth has positions only.
     ``group``: runs of one group are left out together.
     """
 
@@ -47,7 +50,12 @@ class Run:
     @property
     def wheels(self) -> int:
         """Number of wheels."""
-        return int(self.rolled_rad.shape[1]) // 2
+        return int(self.rolled_rad.shape[1]) // 3
+
+    @property
+    def period_s(self) -> float:
+        """Median time between two rows [s]."""
+        return float(np.median(np.diff(self.time_s)))
 
     @property
     def has_heading(self) -> bool:
@@ -57,7 +65,7 @@ class Run:
 
 @dataclass(frozen=True)
 class Window:
-    """Wheel angle increments (m, 2 wheels) from a measured ``start`` (3,), and ``pose`` (k, 3) after rows ``row``."""
+    """Wheel angle increments (m, 3 wheels) from a measured ``start`` (3,), and ``pose`` (k, 3) after rows ``row``."""
 
     run: int
     increment_rad: Array
@@ -66,7 +74,7 @@ class Window:
     pose: Array
 
 
-def run_of(log: WheelLog, group: str) -> Run:
+def run_of(log: WheelLog, group: str, layout: WheelModel) -> Run:
     """Return what the fit needs of a log. Raises LogError where the truth is missing.
 
     A truth without any heading is taken as the positions of one marker.
@@ -91,10 +99,10 @@ def run_of(log: WheelLog, group: str) -> Run:
         )
     angle = log.counts * log.rad_per_count
     angle[0] = 0.0  # what the wheels rolled before the first row
-    increments = np.concatenate((np.maximum(angle, 0.0), np.minimum(angle, 0.0)), axis=1)
     heading = np.unwrap(truth.theta[known]) if headings else np.full(int(np.sum(known)), np.nan)
     pose = np.column_stack((truth.xy[known], heading))
-    return Run(log.name, group, log.time_s, np.cumsum(increments, axis=0), truth.time_s[known], pose, truth.same_clock)
+    rolled = layout.rolled(log.time_s, np.cumsum(angle, axis=0))
+    return Run(log.name, group, log.time_s, rolled, truth.time_s[known], pose, truth.same_clock)
 
 
 def window_length_s(runs: Sequence[Run]) -> float:
@@ -116,7 +124,8 @@ def cut(run: Run, number: int, truth_on_log_s: Array, window_s: float = WINDOWS_
 
 def _window(run: Run, number: int, usable: NDArray[np.int64], times: Array, first: int, last: int) -> Window:
     chosen = np.unique(np.linspace(first, last, min(last - first, POSES_PER_WINDOW) + 1).round().astype(int))
-    between = run.time_s[(run.time_s > times[first]) & (run.time_s < times[last])]
+    rows = run.time_s[:: max(1, int(LONGEST_STEP_S / run.period_s))]
+    between = rows[(rows > times[first]) & (rows < times[last])]
     grid = np.union1d(between, times[chosen])
     rolled = np.column_stack([np.interp(grid, run.time_s, column) for column in run.rolled_rad.T])
     row = np.searchsorted(grid, times[chosen])
@@ -150,7 +159,7 @@ def best_turn(path: Array, measured: Array) -> float:
 
 
 def linearised(window: Window, matrix: Array) -> tuple[Array, Array, Array]:
-    """Return residuals (k, 3) pose minus path, and the path's slope by matrix (k, 3, 6 w) and start pose (k, 3, 3).
+    """Return residuals (k, 3) pose minus path, and the path's slope by matrix (k, 3, 9 w) and start pose (k, 3, 3).
 
     Where the poses have no heading, its residuals and slopes are 0.
     """
