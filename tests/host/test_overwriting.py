@@ -27,7 +27,6 @@ WRITERS = {
     "top speeds": ("robots", "check", "three_wheel", "--plot", "{file}.png"),
     "wiring": ("robots", "wiring", "three_wheel", "--out", "{file}.svg"),
     "bring-up": ("bringup", "all", "--yes", "--out", "{folder}", *NOWHERE),
-    "check of an image": ("check-image", "none.elf", "--out", "{file}.md"),
 }
 
 

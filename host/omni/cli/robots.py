@@ -182,7 +182,7 @@ def _not_simulated(robot: Robot) -> list[str]:
     try:
         World(world_config(robot))
     except WorldError as error:
-        return [f"It cannot be simulated: {error}. For omni sim, sitl and hil {error.hint or 'correct it'}."]
+        return [f"It cannot be simulated: {error}. For omni run and omni sitl {error.hint or 'correct it'}."]
     return []
 
 
