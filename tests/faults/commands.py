@@ -262,7 +262,7 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk} --link {link}",
+        "tune --set WS_P=6 -e step --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk} --link {link}",
         links=True,
         tells="12.00",
         driven=DRIVEN,
@@ -293,15 +293,15 @@ CASES = {
     "mocap markers": Case("mocap markers {disk}/tags --floor 1 --sheets svg", step=6),
     "mocap calibrate": Case("mocap calibrate {inputs}/calibrate.toml {inputs}/empty.png", during=_camera),
     "mocap place": Case("mocap place {inputs}/place.toml {inputs}/empty.png", during=_camera),
-    "radio key new": Case("radio key new {disk}/robot.key"),
+    "radio": Case("radio --new-key {disk}/robot.key"),
     "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
     "robots new": Case(
         "robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4 --out {disk}"
     ),
     "robots check": Case("robots check three_wheel --plot {disk}/s.png"),
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
-    "bringup all": Case("bringup all --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
-    "experiment wheel-step": Case(
+    "bringup": Case("bringup --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
+    "experiment": Case(
         "experiment wheel-step --out {disk} --link {link}",
         links=True,
         step=10,
@@ -336,21 +336,15 @@ WRITE_NOTHING = (
     "checks soak", "checks bench", "monitor", "studio", "flash", "doctor",
     "params list", "params get", "params set", "params load",
     "params presets", "params diff", "params reset", "params history", "params undo",
-    "runs compare", "runs name", "runs delete",
+    "runs",
     "host-control motor", "mocap bridge", "mocap look", "mocap latency",
-    "radio key set", "radio key remove", "radio key show",
-    "logs show", "logs align", "robots list", "robots show", "robots motors", "robots params", "bringup link",
-    "bringup i2c", "bringup encoders",
-    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro",
-    "bringup flow",
+    "logs show", "logs align", "robots list", "robots show", "robots motors",
     "stop", "link",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 
 SAME_AS = {
     "host-control trajectory": "host-control pose",
-    **{f"experiment {name}": "experiment wheel-step" for name in ("wheel-chirp", "position-step", "position-sweep")},
-    "experiment disturbance": "experiment wheel-step",
     **dict.fromkeys(("drive pose", "drive trajectory", "drive path", "drive duty", "drive keys"), "drive velocity"),
     **{f"drive {name}": name for name in ("host-control pose", "host-control trajectory", "host-control motor")},
 }

@@ -72,7 +72,7 @@ def test_runs_are_listed_and_compared_by_their_whole_names(tmp_path: Path, monke
     for name in (LONG, f"{LONG}-2"):
         shutil.copytree(run, Path("runs") / name)
     check(shown("runs"), [run.name, LONG, f"{LONG}-2"])
-    check(shown("runs", "compare", LONG, f"{LONG}-2"), [LONG, f"{LONG}-2"])
+    check(shown("runs", LONG, f"{LONG}-2"), [LONG, f"{LONG}-2"])
 
 
 def test_columns_of_a_study_that_do_not_fit_go_into_another_table(capsys: pytest.CaptureFixture[str]) -> None:

@@ -29,7 +29,7 @@ def said_by(line: str) -> tuple[int, str]:
         ("plot nothing", "hint: give a .tlog file or the folder of a run; `omni runs` lists them"),
         ("monitor", "`omni sitl` simulates one"),
         ("montor", "no such command: montor (did you mean monitor?)"),
-        ("run --set FOO=1", "unknown parameter FOO hint: `omni robots params NAME` prints all"),
+        ("run --set FOO=1", "unknown parameter FOO hint: `omni robots show --params NAME` prints all"),
         ("run --set slip_max=0.1", "unknown parameter slip_max (did you mean world.slip_max?)"),
         ("run --set ISMC_LAMXY=8", "unknown parameter ISMC_LAMXY (did you mean ISMC_LAM_XY?)"),
         ("run --set LAM=8", "unknown parameter LAM (did you mean ISMC_LAM_XY or ISMC_LAM_TH?)"),

@@ -33,7 +33,7 @@ def parameter(url: str, name: str) -> float:
         return robot.parameters[name]
 
 
-STEP = ("--size", "0.05", "--duration", "1.5")
+STEP = ("-e", "step", "--size", "0.05", "--duration", "1.5")
 
 
 def test_tune_compares_and_goes_back(sitl: str, tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ from tests.structure.options import declarations, declared_twice, meanings
 MEANINGS = {
     "--budget": 2,
     "--duration": 11,
-    "--duty": 2,
     "--for": 6,
     "--link": 4,
     "--log": 2,
@@ -29,7 +28,6 @@ MEANINGS = {
     "--radio": 2,
     "--robot": 7,
     "--seed": 2,
-    "--seeds": 2,
     "--set": 2,
     "--source": 2,
     "--store": 2,
