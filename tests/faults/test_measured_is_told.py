@@ -19,7 +19,7 @@ from omniwheel.robot import connect
 from tests.faults.commands import CASES
 
 FULL = "/dev/full"
-TUNE = ("tune", "--set", "WS_P=6", "--rounds", "2", "--plot", FULL)
+TUNE = ("tune", "--set", "WS_P=6", "-e", "step", "--rounds", "2", "--plot", FULL)
 
 
 @pytest.fixture
