@@ -100,8 +100,8 @@ def test_a_set_that_cannot_take_the_signal_is_refused_before_anything_moves(stan
     ("words", "why"),
     [
         (("-e", "wheel-step", "-e", "wheel-chirp", "--size", "1"), "belong to one experiment"),
-        (("--size", "0"), "not 0"),
-        (("--size", "4"), "from -3 to 3"),
+        (("-e", "step", "--size", "0"), "not 0"),
+        (("-e", "step", "--size", "4"), "from -3 to 3"),
         (("-e", "wheel-stop"), "wheel-stop"),
         (("-e", "wheel-step", "--only-wheel", "4"), "unknown wheel 4"),
         (("-e", "position-step", "--size", "0.3"), "0.25"),

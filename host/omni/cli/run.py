@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -38,7 +39,9 @@ from omni.cli.run_output import (
 
 if TYPE_CHECKING:
     from hil_sim.external import ExternalWorld, ExternalWorldError
+    from hil_sim.runs import Run
     from hil_sim.scenario import Scenario
+    from hil_sim.timeline import Progress
 
 EXAMPLES = examples(
     "omni run                               # the fast robot on its rose",
@@ -113,24 +116,8 @@ def run(
     with run_folder(out, scenario) as folder:
         note(scenario.description, quiet=json_wanted)
         with run_progress(scenario.name, json_wanted) as progress:
-            if core_only:
-                from hil_sim.runs import run_in_process
-
-                driven = partial(run_in_process, scenario, progress=progress)
-            else:
-                from hil_sim.hil import run_hil
-
-                driven = partial(
-                    run_hil,
-                    scenario,
-                    link,
-                    out_dir=folder,
-                    progress=progress,
-                    emulated=emulated,
-                    image=image,
-                    world=external,
-                )
-            done, trouble = tried(driven)
+            firmware = {"link": link, "out_dir": folder, "emulated": emulated, "image": image, "world": external}
+            done, trouble = tried(partial(_driven, scenario, progress, None if core_only else firmware))
         unfinished = None if external is None else _finished(external, folder)
         from hil_sim.summary import summarize
 
@@ -158,6 +145,17 @@ def _refuse_other_firmware(
         raise typer.BadParameter(f"--core-only runs no firmware: leave out {' and '.join(words)}")
     if link is not None and (board is not None or image is not None):
         raise typer.BadParameter("--link uses a firmware that runs already: leave out --board and --image")
+
+
+def _driven(scenario: Scenario, progress: Progress, firmware: Mapping[str, Any] | None) -> Run:
+    """Run a scenario with this firmware, described by the arguments of ``run_hil``; None: with the core alone."""
+    if firmware is None:
+        from hil_sim.runs import run_in_process
+
+        return run_in_process(scenario, progress=progress)
+    from hil_sim.hil import run_hil
+
+    return run_hil(scenario, progress=progress, **firmware)
 
 
 def _compared(name: str, shown: Scenario, robot: str | None, quiet: bool) -> dict[str, Any]:
