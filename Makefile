@@ -135,7 +135,7 @@ studio: setup studio-page
 	$(BIN)/omni studio $(ARGS)
 
 demo: $(VENV)/stamp-install
-	$(BIN)/omni demo $(ARGS)
+	$(BIN)/omni run fast --compare $(ARGS)
 
 # A test that crashes its process is not tried again: it would crash the next one, too.
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist worksteal --max-worker-restart 0

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: MIT
 # Builds firmware/boards/mps2_an500 with its own compiler and installs it beside the PC firmware. Without arm-none-eabi-g++ and
-# its C++ library nothing is built, and `omni emulate` says what to install.
+# its C++ library nothing is built, and `omni sitl --board cortex-m7` says what to install.
 find_program(OMNI_ARM_CXX arm-none-eabi-g++)
 set(arm_usable OFF)
 if(OMNI_ARM_CXX AND NOT OMNI_SANITIZE)

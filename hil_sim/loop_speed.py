@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""How fast the loops around the robot run on this computer: what ``omni bench`` and ``make bench`` measure."""
+"""How fast the loops around the robot run here: what ``python -m omni.checks bench`` and ``make bench`` measure."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""MuJoCo as the world around the real firmware: ``omni hil SCENARIO --world mujoco``.
+"""MuJoCo as the world around the real firmware: ``omni run SCENARIO --world mujoco``.
 
 The model is made from the robot file: every roller is a body with its hinge and touches the floor by itself. Motors
 follow from supply, duty and the robot file's motor data here; MuJoCo integrates current, bodies and contacts.

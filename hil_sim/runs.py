@@ -54,6 +54,11 @@ class Run:
     world: str = ""
 
     @property
+    def stopped_early(self) -> bool:
+        """Whether the path was to be driven to its end and was not, in a scenario that breaks nothing."""
+        return not self.done and self.scenario.duration_s is None and not self.scenario.faults
+
+    @property
     def realtime_factor(self) -> float:
         """Simulated time divided by wall time."""
         return self.ticks * 1e-3 / self.wall_s if self.wall_s > 0.0 else float("inf")

@@ -18,6 +18,8 @@ A scenario is a TOML file::
     [[event]]                     # at_s, or at_progress (share of the path); and one of set, command, velocity, duty
     [[fault]]                     # kind, start_s, and where they apply stop_s, wheel (from 1), value
     [[patch]]                     # of the floor, with another friction: see patches.py
+    [compare]                     # scenarios to run beside this one, with a heading each; not inherited
+    no_slip = "no slip"
 
 Every mistake in a scenario is a SchemaError, one in its robot file a RobotFileError; both name file, key, value and
 what is allowed.
@@ -56,7 +58,7 @@ COMMANDS = ("arm", "disarm", "estop", "trajectory_start", "trajectory_stop")
 
 START_POSE = WORLD.numbers["start_pose"]
 _NAME = re.compile(r"[a-z][a-z0-9_]{0,63}")
-_SECTIONS = ("scenario", "parameters", "world", "dispersion", "event", "fault", "patch")
+_SECTIONS = ("scenario", "parameters", "world", "dispersion", "event", "fault", "patch", "compare")
 _MERGED = ("scenario", "parameters", "world", "dispersion")
 _ACTIONS = ("set", "command", "velocity", "duty")
 _HEAD = ("name", "description", "extends", "robot", "world_robot", "seed", "duration_s")
@@ -94,7 +96,7 @@ class Scenario:
 
     ``world_robot`` is the robot that is really there where that is another one than the firmware believes: crossed
     wires, turned motors, another encoder. None: the firmware is right. ``wheel_numbers`` are those of ``[world]`` of
-    which each wheel has its own.
+    which each wheel has its own. ``compared`` has the scenarios to run beside this one, with a heading each.
     """
 
     source: str
@@ -113,6 +115,7 @@ class Scenario:
     dispersion: tuple[Dispersion, ...] = ()
     wheel_numbers: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     patches: tuple[FloorPatch, ...] = ()
+    compared: Mapping[str, str] = field(default_factory=dict)
 
     def parameter_values(self) -> dict[str, float]:
         """Return every parameter the run starts with: defaults, robot file, scenario."""
@@ -177,7 +180,7 @@ def find_scenario(name_or_path: str) -> Path:
             name_or_path,
             "",
             f"unknown scenario{guess}; known are {', '.join(names)}",
-            hint="give one of these names, or a .toml file of your own; `omni hil --list` describes them",
+            hint="give one of these names, or a .toml file of your own; `omni run --list` describes them",
         )
     return path
 
@@ -227,7 +230,15 @@ def parse_scenario(document: Mapping[str, Any], source: str) -> Scenario:
         dispersion=parse_dispersion(source, document.get("dispersion", {})),
         wheel_numbers={name: _per_wheel(source, name, value, robot.wheels) for name, value in lists.items()},
         patches=_patches(source, plant, document.get("patch", [])),
+        compared=_compared(source, document.get("compare", {})),
     )
+
+
+def _compared(source: str, value: object) -> dict[str, str]:
+    entries = take_table(source, "compare", value)
+    for name in entries:
+        find_scenario(name)
+    return {name: take_text(source, f"compare.{name}", heading) for name, heading in entries.items()}
 
 
 def _world_robot(source: str, head: Mapping[str, Any], robot: Robot) -> Robot | None:
@@ -250,7 +261,7 @@ def _with_base(path: Path, document: dict[str, Any], seen: tuple[Path, ...]) -> 
     if base_path.resolve() in (*seen, path.resolve()):
         raise SchemaError(str(path), "scenario.extends", f"is {base_text!r}, which refers back to this file")
     base = _with_base(base_path, read_toml(base_path), (*seen, path.resolve()))
-    merged = dict(base)
+    merged = {key: value for key, value in base.items() if key != "compare"}
     merged.update({key: value for key, value in document.items() if key not in _MERGED})
     for key in _MERGED:
         own = head if key == "scenario" else document.get(key, {})

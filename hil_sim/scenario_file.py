@@ -39,6 +39,7 @@ def scenario_document(scenario: Scenario) -> dict[str, Any]:
         "event": [_event(event, table) for event in scenario.events],
         "fault": [_fault(fault) for fault in scenario.faults],
         "patch": [patch.document() for patch in scenario.patches],
+        "compare": dict(scenario.compared),
     }
 
 

@@ -28,6 +28,8 @@ STORED_EVERY = 10
 WALL_TIME_KEYS = ("wall_s", "realtime_factor", "tick_us")
 """The entries of a summary that differ between two runs with the same seed."""
 
+_COMPARED = ("description", "way", "completed", "rmse", "estimator_rmse", "effort", "faults", "realtime_factor")
+
 
 def summarize(run: Run) -> dict[str, Any]:
     """Return everything that is known of a run as plain data for JSON; units are in the names, RMSE as in metrics."""
@@ -72,6 +74,11 @@ def summarize(run: Run) -> dict[str, Any]:
         "parameters": run.parameters,
     }
     return {key: finite(value) for key, value in summary.items()}
+
+
+def comparable(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the part of a summary that is shown beside another run's."""
+    return {name: summary[name] for name in _COMPARED}
 
 
 def change(run: Run) -> dict[str, Any] | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni study autotune``: many drawn robots are tuned and judged; then some against an optimiser, some are stopped.
+"""``python -m omni.checks autotune``: drawn robots are tuned and judged, some against an optimiser, some are stopped.
 
 Three parts, each kept in a folder of its own and resumed from there: ``robots``, ``rivals`` and ``stops``.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Robots drawn at random, each with a robot file that is wrong about it: what ``omni study autotune`` tunes.
+"""Robots drawn at random, each with a robot file that is wrong about it: what ``python -m omni.checks autotune`` tunes.
 
 The true robot comes from numbers as a data sheet has them (``omni robots new``). So do the limits and gains of its
 file, but from numbers that are wrong.
@@ -89,7 +89,7 @@ class DrawnRobot:
         return Scenario(
             source=f"robot {self.seed}",
             name="drawn_robot",
-            description=f"Robot {self.seed} of omni study autotune",
+            description=f"Robot {self.seed} of python -m omni.checks autotune",
             robot=self.believed,
             seed=self.seed,
             duration_s=sitl.duration_s if name == "sitl" else None,

@@ -133,7 +133,7 @@ def _quantity(name: str, table: ParameterTable) -> _Quantity:
         of_the_world = name.lower() in map(str.lower, WORLD_NUMBERS)
         guess = did_you_mean(WORLD_PREFIX + name, map(WORLD_PREFIX.__add__, WORLD_NUMBERS) if of_the_world else ())
         guess = guess or did_you_mean(name, table)
-        hint = f"`omni robots params NAME` prints all; a number of the world begins with {WORLD_PREFIX}"
+        hint = f"`omni robots show --params NAME` prints all; a number of the world begins with {WORLD_PREFIX}"
         raise StudyInputError(f"unknown parameter {name}{guess}", hint=hint)
     return _Quantity(name.upper(), parameter)
 

@@ -70,7 +70,7 @@ def write_montecarlo_page(summary: dict[str, Any], picture: str, path: Path) -> 
         markdown_table(SPREAD_HEADINGS, rows) if (rows := spread_rows(summary)) else f"{NO_FIGURES.capitalize()}.",
         "\n".join(f"- {line}" for line in (completion_line(summary), *fault_lines(summary))),
         f"![Distribution of the metrics]({picture})",
-        f"Worst runs by {FIGURES[summary['worst_by']].heading}; `omni sim FILE` repeats one:",
+        f"Worst runs by {FIGURES[summary['worst_by']].heading}; `omni run --core-only FILE` repeats one:",
         markdown_table(("file", "seed", FIGURES[summary["worst_by"]].heading), worst),
     ]
     files.write_text(path, "\n\n".join(parts) + "\n")

@@ -15,7 +15,7 @@ LISTEN_S = 1.1
 ANSWERS_APART_S = 0.05
 """Robots that are asked at the same time answer within this time of each other, beside the line's delay."""
 _STOP_AGAIN_S = 0.25
-_KEY_HINT = "`omni radio key show` shows the fingerprints of the robot's key (over USB) and of a key file"
+_KEY_HINT = "`omni radio` shows the fingerprint of the robot's key (over USB), with --show-key FILE that of a key file"
 _SIGN_HINT = "give its key with --signing-key FILE or OMNI_SIGNING_KEY; over USB none is needed"
 
 

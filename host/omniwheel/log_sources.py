@@ -59,7 +59,7 @@ def read_run(folder: Path) -> WheelLog:
         speed = samples["wheel_rad_s"][:, :wheels]
         pose = samples["truth"]
     except (OSError, ValueError, KeyError, TypeError, IndexError, OverflowError) as error:
-        hint = "give the folder of a run, as printed by omni demo, hil and sim"
+        hint = "give the folder of a run, as printed by omni run"
         raise LogError(f"{folder} is not a run: {error}", hint=hint) from error
     truth = Truth(time, np.array(pose[:, :2]), np.unwrap(pose[:, 2]), same_clock=True)
     return _from_speeds(folder.name, counts_per_revolution, time, speed, duty, truth)

@@ -63,12 +63,12 @@ def read_key_file(path: Path) -> bytes:
         text = path.read_text(encoding="ascii").strip()
         key = bytes.fromhex(text)
     except OSError as error:
-        hint = "`omni radio key new FILE` makes a key"
+        hint = "`omni radio --new-key FILE` makes a key"
         raise SigningKeyError(f"cannot read the signing key {path}: {error.strerror}", hint=hint) from error
     except ValueError:
         key = b""
     if len(key) != KEY_BYTES or not any(key):
-        hint = "`omni radio key new FILE` makes one"
+        hint = "`omni radio --new-key FILE` makes one"
         raise SigningKeyError(f"{path} is not a signing key of {2 * KEY_BYTES} hexadecimal digits", hint=hint)
     if os.name == "posix" and mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise SigningKeyError(f"other users can read the signing key {path}", hint=f"chmod 600 {path}")

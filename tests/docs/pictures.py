@@ -44,7 +44,7 @@ class Picture:
 
 
 PICTURES: Mapping[str, Picture] = {
-    "demo.png": Picture("demo --no-compare --out {folder}", "fast-seed1/run.png", ("rmse", "effort", "change")),
+    "demo.png": Picture("run fast --out {folder}", "fast-seed1/run.png", ("rmse", "effort", "change")),
     "tune.png": Picture(
         "tune --set LIM_V=0.06 --revert --plot {folder}/tune.png",
         "tune.png",

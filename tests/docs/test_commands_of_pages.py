@@ -12,13 +12,15 @@ from typing import Any
 import pytest
 import typer
 
+from omni import checks
 from omni.cli import app
 from tests.docs.prose import pages
 
 ROOT: Any = typer.main.get_command(app)
+CHECKS: Any = typer.main.get_command(checks.app)
 SOURCES = Path(__file__).resolve().parents[2]
 _CODE = re.compile(r"```[a-z]*\n(.*?)```|`([^`\n]+)`", re.DOTALL)
-_PROMPT = re.compile(r"^\s*(?:\$ )?(?:\.venv/bin/)?(omni .*)$")
+_PROMPT = re.compile(r"^\s*(?:\$ )?(?:\.venv/bin/)?((?:omni|python -m omni\.checks) .*)$")
 _OPTION = re.compile(r"(--?[a-zA-Z][\w-]*)(?:=.*)?$")
 
 
@@ -34,8 +36,9 @@ def command_lines(markdown: str) -> Iterator[str]:
 
 def wrong(line: str) -> list[str]:
     """Return what does not exist of a line: its command, or options. ``drive --host-control`` stands for a command."""
-    words = shlex.split(line.replace("...", " ").replace("drive --host-control", "host-control"))[1:]
-    command, context = ROOT, ROOT.make_context("omni", [], resilient_parsing=True)
+    words = shlex.split(line.replace("...", " ").replace("drive --host-control", "host-control"))
+    command, words = (ROOT, words[1:]) if words[0] == "omni" else (CHECKS, words[3:])
+    context = command.make_context("omni", [], resilient_parsing=True)
     while hasattr(command, "list_commands") and words and not words[0].startswith("-"):
         if words[0] in ("COMMAND", "NAME", "…"):
             return []

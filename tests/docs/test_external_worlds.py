@@ -95,7 +95,7 @@ def test_the_class_of_the_page_is_a_world(tmp_path: Path) -> None:
     page = PAGE.read_text(encoding="utf-8")
     world, use = re.findall(r"```python\n(.*?)```", page, re.DOTALL)[:2]
     (tmp_path / "my_simulator.py").write_text(world, encoding="utf-8")
-    type_in(shell_of(page, "omni hil demo --world"), tmp_path)
+    type_in(shell_of(page, "omni run demo --world"), tmp_path)
     folder = next((tmp_path / "runs").iterdir())
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     assert summary["world"]["external"] == "my_simulator:MyWorld"

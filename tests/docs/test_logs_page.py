@@ -22,7 +22,7 @@ def test_the_first_example_needs_the_demo_alone(tmp_path: Path, monkeypatch: pyt
     assert block is not None
     monkeypatch.chdir(tmp_path)
     said = []
-    for line in ("omni demo --no-compare", *block[1].splitlines()):
+    for line in ("omni run", *block[1].splitlines()):
         result = CliRunner().invoke(app, shlex.split(line)[1:], env={"COLUMNS": "200"})
         assert result.exit_code == 0, (line, result.output)
         said.append(result.stdout)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""`omni demo` as a user runs it: a fresh process, an empty folder, the real firmware."""
+"""`omni run --compare` as a user runs it: a fresh process, an empty folder, the real firmware."""
 
 from __future__ import annotations
 
@@ -19,7 +19,15 @@ ROOT = Path(__file__).parents[2]
 
 
 def run_demo(folder: Path, *options: str) -> tuple[dict[str, Any], Path]:
-    command = [str(Path(sys.executable).with_name("omni")), "demo", *options, "--out", str(folder), "--json"]
+    command = [
+        str(Path(sys.executable).with_name("omni")),
+        "run",
+        *options,
+        "--compare",
+        "--out",
+        str(folder),
+        "--json",
+    ]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300, cwd=folder)
     assert done.returncode == 0, done.stderr
     (run,) = (path for path in folder.iterdir() if path.is_dir())
@@ -33,7 +41,7 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path
 
 @pytest.fixture(scope="module")
 def slow(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    return run_demo(tmp_path_factory.mktemp("slow"), "--slow")[0]
+    return run_demo(tmp_path_factory.mktemp("slow"), "demo")[0]
 
 
 @pytest.mark.full

@@ -19,7 +19,7 @@ WALL_TIME = ("wall_s", "realtime_factor", "tick_us")
 
 def hil(folder: Path, seed: int) -> Path:
     result = CliRunner().invoke(
-        app, ["hil", "fault_encoder_stuck", "--seed", str(seed), "--out", str(folder), "--json"]
+        app, ["run", "fault_encoder_stuck", "--seed", str(seed), "--out", str(folder), "--json"]
     )
     assert result.exit_code in (0, 1), result.output
     (run,) = folder.iterdir()

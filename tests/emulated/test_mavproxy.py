@@ -21,7 +21,7 @@ from tests.host.test_mavproxy import (
 @pytest.fixture
 def proxy(tmp_path: Path) -> Iterator[MavProxy]:
     need_emulated_firmware()
-    command = [str(Path(sys.executable).with_name("omni")), "emulate", "--port", "0", "--json"]
+    command = [str(Path(sys.executable).with_name("omni")), "sitl", "--board", "cortex-m7", "--port", "0", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
         try:
             assert process.stdout is not None

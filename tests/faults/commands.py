@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,8 +19,6 @@ import matplotlib.image as imageio
 import numpy as np
 import typer
 
-from hil_sim.hil import run_hil
-from hil_sim.scenario import load_scenario
 from hil_sim.studies.autotune_robot import ROW
 from hil_sim.studies.autotune_study import PARTS, Part
 from omniwheel import FirmwareProcess
@@ -195,17 +193,6 @@ def _no_bring_up() -> Any:
     return _patched(omniwheel__bringup__sequence__bring_up=lambda *_, **__: iter(()))
 
 
-def _short_demo() -> Any:
-    def run(*arguments: Any, **options: Any) -> Any:
-        return replace(run_hil(*arguments, **options), done=True)
-
-    return _patched(hil_sim__scenario__load_scenario=_quick, hil_sim__hil__run_hil=run)
-
-
-def _quick(_name: str, _robot: str | None = None) -> Any:
-    return load_scenario(str(INPUTS[0] / "quick.toml"))
-
-
 INPUTS: list[Path] = []
 
 _CAMERA = """\
@@ -257,9 +244,7 @@ def _camera() -> Iterator[None]:
 
 
 CASES = {
-    "demo": Case("demo --no-compare --out {disk}", during=_short_demo),
-    "hil": Case("hil {inputs}/quick.toml --out {disk}/runs"),
-    "sim": Case("sim {inputs}/quick.toml --out {disk}"),
+    "run": Case("run {inputs}/quick.toml --out {disk}/runs"),
     "montecarlo": Case(
         "montecarlo {inputs}/quick.toml --runs 24 --worst 1 --workers 1 --batch 8 --duration 0.3 --out {disk}/mc",
         again=True,
@@ -277,7 +262,7 @@ CASES = {
         step=2,
     ),
     "tune": Case(
-        "tune --set WS_P=6 --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk} --link {link}",
+        "tune --set WS_P=6 -e step --rounds 2 --size 0.02 --duration 0.2 --keep --out {disk} --link {link}",
         links=True,
         tells="12.00",
         driven=DRIVEN,
@@ -290,14 +275,14 @@ CASES = {
         tells="WS_P 1 → 1",
         during=lambda: _patched(omniwheel__autotune__procedure__autotune=_tuned),
     ),
-    "study autotune": Case(
-        "study autotune --robots 2 --workers 1 --out {disk}/st", during=_no_tuning, again=True, step=2
+    "checks autotune": Case(
+        "checks autotune --robots 2 --workers 1 --out {disk}/st", during=_no_tuning, again=True, step=2
     ),
     "plot": Case("plot {inputs}/run --out {disk}/plot.png"),
     "reproduce": Case("reproduce diagrams --out {disk}", step=4),
     "record": Case("record {disk}/r.tlog --duration 0.3 --link {link}", links=True),
     "replay": Case("replay {inputs}/run1.npz --robot {inputs}/robot.toml --csv {disk}/r.csv --plot {disk}/r.png"),
-    "check-image": Case("check-image {inputs}/none.elf --out {disk}/page.md", during=_no_checks),
+    "checks image": Case("checks image {inputs}/none.elf --out {disk}/page.md", during=_no_checks),
     "robots export": Case("robots export three_wheel {disk}/robot.urdf"),
     "params save": Case("params save {disk}/p.toml --link {link}", links=True),
     "drive velocity": Case("drive velocity 0 0 0 --duration 0.1 --out {disk} --link {link}", links=True, step=5),
@@ -308,15 +293,15 @@ CASES = {
     "mocap markers": Case("mocap markers {disk}/tags --floor 1 --sheets svg", step=6),
     "mocap calibrate": Case("mocap calibrate {inputs}/calibrate.toml {inputs}/empty.png", during=_camera),
     "mocap place": Case("mocap place {inputs}/place.toml {inputs}/empty.png", during=_camera),
-    "radio key new": Case("radio key new {disk}/robot.key"),
+    "radio": Case("radio --new-key {disk}/robot.key"),
     "logs import": Case("logs import {inputs}/run1.csv --mapping {inputs}/mapping.toml --out {disk}/l.npz"),
     "robots new": Case(
         "robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4 --out {disk}"
     ),
     "robots check": Case("robots check three_wheel --plot {disk}/s.png"),
     "robots wiring": Case("robots wiring three_wheel --out {disk}/w.svg"),
-    "bringup all": Case("bringup all --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
-    "experiment wheel-step": Case(
+    "bringup": Case("bringup --yes --out {disk} --link {link}", links=True, during=_no_bring_up),
+    "experiment": Case(
         "experiment wheel-step --out {disk} --link {link}",
         links=True,
         step=10,
@@ -344,27 +329,22 @@ CASES = {
     ),
 }
 
-STORED_BY_FIRMWARE = ("sitl", "emulate")
+STORED_BY_FIRMWARE = ("sitl",)
 """Commands whose ``--storage`` a firmware writes: tests/firmware/test_storage_file.py."""
 
 WRITE_NOTHING = (
-    "soak", "bench", "monitor", "studio", "flash", "doctor", "params list", "params get", "params set", "params load",
+    "checks soak", "checks bench", "monitor", "studio", "flash", "doctor",
+    "params list", "params get", "params set", "params load",
     "params presets", "params diff", "params reset", "params history", "params undo",
-    "runs compare", "runs name", "runs delete",
+    "runs",
     "host-control motor", "mocap bridge", "mocap look", "mocap latency",
-    "radio key set", "radio key remove", "radio key show",
-    "logs show", "logs align", "robots list", "robots show", "robots motors", "robots params", "bringup link",
-    "bringup i2c", "bringup encoders",
-    "bringup motors", "bringup estop", "bringup oe", "bringup drive", "bringup radio", "bringup button", "bringup gyro",
-    "bringup flow",
+    "logs show", "logs align", "robots list", "robots show", "robots motors",
     "stop", "link",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""
 
 SAME_AS = {
     "host-control trajectory": "host-control pose",
-    **{f"experiment {name}": "experiment wheel-step" for name in ("wheel-chirp", "position-step", "position-sweep")},
-    "experiment disturbance": "experiment wheel-step",
     **dict.fromkeys(("drive pose", "drive trajectory", "drive path", "drive duty", "drive keys"), "drive velocity"),
     **{f"drive {name}": name for name in ("host-control pose", "host-control trajectory", "host-control motor")},
 }

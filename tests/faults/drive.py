@@ -25,6 +25,7 @@ import numpy as np
 import tomllib
 from typer.testing import CliRunner, Result
 
+from omni import checks
 from omni.cli import app
 from omniwheel.tlog import whole_records
 from tests.blank_pictures import blank_pictures
@@ -52,8 +53,9 @@ def disarm() -> tuple[int, str]:
 
 
 def run(words: tuple[str, ...], values: dict[str, str]) -> Result:
-    """Run a command line in this process."""
-    return CliRunner().invoke(app, [word.format(**values) for word in words])
+    """Run a command line in this process; ``checks`` stands for ``python -m omni.checks``."""
+    program, words = (checks.app, words[1:]) if words[0] == "checks" else (app, words)
+    return CliRunner().invoke(program, [word.format(**values) for word in words])
 
 
 def files_in(folder: Path) -> list[Path]:
@@ -165,7 +167,7 @@ def prepared(folder: Path) -> Path:
     for name in ("run1", "run2"):
         words = ("logs", "import", f"{{inputs}}/{name}.csv", "--mapping", "{inputs}/mapping.toml")
         run((*words, "--truth", f"{{inputs}}/truth_{name}.csv", "--out", f"{{inputs}}/{name}.npz"), values)
-    run(("sim", "{inputs}/quick.toml", "--out", "{inputs}/runs"), values)
+    run(("run", "--core-only", "{inputs}/quick.toml", "--out", "{inputs}/runs"), values)
     (inputs / "runs" / "quick-seed1").rename(inputs / "run")
     return inputs
 

@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 import typer
 
+from omni import checks
 from omni.cli import app
 from tests.faults.commands import CASES, SAME_AS, STORED_BY_FIRMWARE, WRITE_NOTHING
 from tests.faults.shim import chosen, library, need_shim
@@ -37,7 +38,8 @@ def test_every_command_of_the_program_is_known_here() -> None:
     """A new one that writes gets a case; one that writes nothing is entered as such."""
     known = [*CASES, *STORED_BY_FIRMWARE, *WRITE_NOTHING, *SAME_AS]
     assert len(known) == len(set(known))
-    assert set(commands(typer.main.get_command(app))) == set(known)
+    programs = (typer.main.get_command(app), ""), (typer.main.get_command(checks.app), "checks")
+    assert {name for program, prefix in programs for name in commands(program, prefix)} == set(known)
 
 
 @pytest.fixture(scope="module")

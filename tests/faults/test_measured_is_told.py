@@ -19,7 +19,7 @@ from omniwheel.robot import connect
 from tests.faults.commands import CASES
 
 FULL = "/dev/full"
-TUNE = ("tune", "--set", "WS_P=6", "--rounds", "2", "--plot", FULL)
+TUNE = ("tune", "--set", "WS_P=6", "-e", "step", "--rounds", "2", "--plot", FULL)
 
 
 @pytest.fixture
@@ -61,7 +61,7 @@ def test_its_json_holds_the_figures_beside_the_error(url: str, tmp_path: Path) -
 
 
 @pytest.mark.parametrize(
-    ("case", "place", "told"),
+    ("line", "place", "told"),
     [
         ("autotune", "omniwheel.autotune.page.write_page", "WS_P 1 → 1"),
         ("experiment wheel-step", "omniwheel.experiments.folder.write_outcome", "measured"),
@@ -69,11 +69,11 @@ def test_its_json_holds_the_figures_beside_the_error(url: str, tmp_path: Path) -
     ],
 )
 def test_so_do_the_other_commands_that_drive_and_measure(
-    url: str, tmp_path: Path, case: str, place: str, told: str
+    url: str, tmp_path: Path, line: str, place: str, told: str
 ) -> None:
     with patch(place, full):
-        done = run(case, *case.split(), "--out", str(tmp_path), "--link", url)
-        as_json = run(case, *case.split(), "--out", str(tmp_path), "--link", url, "--json")
+        done = run(line.split()[0], *line.split(), "--out", str(tmp_path), "--link", url)
+        as_json = run(line.split()[0], *line.split(), "--out", str(tmp_path), "--link", url, "--json")
     assert done.exit_code == as_json.exit_code == 1
     assert "No space left" in done.output
     assert told in done.output

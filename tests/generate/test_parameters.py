@@ -35,6 +35,13 @@ def test_the_projects_own_table_loads() -> None:
         assert parameter.doc
 
 
+def test_an_experiment_is_one_that_tune_has() -> None:
+    assert parse().parameters[0].experiment == "step"
+    assert parse(experiment="wheel-step").parameters[0].experiment == "wheel-step"
+    with pytest.raises(SchemaError, match=r"experiment.*wheel-step"):
+        parse(experiment="wheelstep")
+
+
 def test_per_wheel_names_expand_in_order() -> None:
     table = parse("W{n}_LEN", per_wheel=True)
     assert list(table) == ["W1_LEN", "W2_LEN", "W3_LEN", "W4_LEN"]

@@ -328,7 +328,7 @@ def folder(tmp_path: Path, circle: Scenario, monkeypatch: pytest.MonkeyPatch) ->
     ],
 )
 def test_a_world_that_is_not_there_is_told_before_anything_runs(folder: Path, place: str, said: str) -> None:
-    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", place])
+    result = CliRunner().invoke(app, ["run", "circle.toml", "--world", place])
     assert result.exit_code == 2
     assert said in " ".join(result.output.split())
     assert not (folder / "runs").exists()
@@ -337,12 +337,12 @@ def test_a_world_that_is_not_there_is_told_before_anything_runs(folder: Path, pl
 @pytest.mark.full
 def test_the_command_runs_it_and_keeps_the_folder_of_one_that_failed(folder: Path) -> None:
     assert load_world(PLACE, load_scenario("circle.toml")).step is not None
-    good = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "fine:TinyWorld", "--json"])
+    good = CliRunner().invoke(app, ["run", "circle.toml", "--world", "fine:TinyWorld", "--json"])
     assert good.exit_code == 0, good.output
     summary = json.loads(good.stdout)
     assert summary["completed"]
     assert {path.name for path in Path(summary["folder"]).iterdir()} >= {"summary.json", "run.png", TLOG_FILE}
-    bad = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "late:Late", "--out", "bad"])
+    bad = CliRunner().invoke(app, ["run", "circle.toml", "--world", "late:Late", "--out", "bad"])
     assert bad.exit_code == 1
     assert "late:Late.step failed at 0.699 s: AssertionError: out of floor" in " ".join(bad.output.split())
     assert (folder / "bad" / "circle-seed1" / TLOG_FILE).stat().st_size > 1000
@@ -359,7 +359,7 @@ def test_the_command_runs_it_and_keeps_the_folder_of_one_that_failed(folder: Pat
 def test_a_world_that_ends_the_program_or_takes_something_else_is_told_with_its_name(
     folder: Path, place: str, said: str
 ) -> None:
-    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", place])
+    result = CliRunner().invoke(app, ["run", "circle.toml", "--world", place])
     assert result.exit_code == 1
     assert said in " ".join(result.output.split())
     assert "hil_sim/external.py" not in result.output
@@ -367,7 +367,7 @@ def test_a_world_that_ends_the_program_or_takes_something_else_is_told_with_its_
 
 @pytest.mark.full
 def test_a_world_that_cannot_finish_has_its_run_stored_and_shown_all_the_same(folder: Path) -> None:
-    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "film:Film"])
+    result = CliRunner().invoke(app, ["run", "circle.toml", "--world", "film:Film"])
     assert result.exit_code == 1
     assert "film:Film.finish failed: ValueError: no film" in " ".join(result.output.split())
     kept = folder / "runs" / "circle-seed1"
@@ -375,20 +375,21 @@ def test_a_world_that_cannot_finish_has_its_run_stored_and_shown_all_the_same(fo
 
 
 def test_a_run_that_is_refused_leaves_no_folder(folder: Path) -> None:
-    result = CliRunner().invoke(app, ["hil", "circle.toml", "--plant", "slip", "--world", "fine:TinyWorld"])
+    result = CliRunner().invoke(app, ["run", "circle.toml", "--plant", "slip", "--world", "fine:TinyWorld"])
     assert result.exit_code == 2, result.output
     assert not (folder / "runs").exists()
 
 
 @pytest.mark.full
 def test_the_table_says_which_world_it_was(folder: Path) -> None:
-    result = CliRunner().invoke(app, ["hil", "circle.toml", "--world", "fine:TinyWorld", "--duration", "1.5"])
+    result = CliRunner().invoke(app, ["run", "circle.toml", "--world", "fine:TinyWorld", "--duration", "1.5"])
     assert "(world tests.hil_sim.tiny_world:TinyWorld)" in " ".join(result.output.split())
 
 
 @pytest.mark.full
 def test_sitl_without_a_world_waits_for_the_sensors_of_another_simulator() -> None:
-    command = [sys.executable, "-m", "omni", "sitl", "--no-world", "--port", "0", "--json", "--end-with-stdin"]
+    command = [sys.executable, "-m", "omni", "sitl", "--no-world", "--lockstep", "--port", "0", "--json"]
+    command.append("--end-with-stdin")
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         host, port = json.loads(process.stdout.readline())["links"][0].removeprefix("tcp:").split(":")

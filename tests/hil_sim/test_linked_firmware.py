@@ -77,7 +77,7 @@ def test_an_interrupted_run_gives_the_robot_back(quick: Scenario, url: str) -> N
 
 def test_a_firmware_in_lockstep_is_refused_before_the_run(quick: Scenario, tmp_path: Path) -> None:
     with FirmwareProcess("three_wheel", lockstep=True, parameters={NAME: OWN}) as firmware:
-        words = ["hil", quick.source, "--link", firmware.urls[0], "--out", str(tmp_path / "runs")]
+        words = ["run", quick.source, "--link", firmware.urls[0], "--out", str(tmp_path / "runs")]
         result = CliRunner().invoke(app, words)
         assert result.exit_code == 1
         assert "without --lockstep" in result.output
@@ -100,7 +100,7 @@ def test_a_run_is_kept_if_the_robot_cannot_be_given_back(
         real(robot)
 
     monkeypatch.setattr(Robot, "leave_hil", refuse_second)
-    result = CliRunner().invoke(app, ["hil", quick.source, "--link", url, "--out", str(tmp_path / "runs")])
+    result = CliRunner().invoke(app, ["run", quick.source, "--link", url, "--out", str(tmp_path / "runs")])
     assert result.exit_code == 1
     assert "error after the end of the run" in result.output
     assert "position RMSE" in result.output

@@ -166,7 +166,7 @@ def test_gears_with_play_are_refused_with_a_sentence(tmp_path: Path) -> None:
     path = tmp_path / "play.toml"
     head = '[scenario]\nname = "play"\nextends = "no_slip"\n[world]\nbacklash_rad = 0.02\n'
     path.write_text(head, encoding="utf-8")
-    result = CliRunner().invoke(app, ["hil", str(path), "--world", "mujoco", "--out", str(tmp_path / "run")])
+    result = CliRunner().invoke(app, ["run", str(path), "--world", "mujoco", "--out", str(tmp_path / "run")])
     assert result.exit_code == 2
     assert "no backlash" in " ".join(result.output.split())
 
@@ -238,7 +238,7 @@ def test_a_short_name_takes_a_file_and_a_wrong_file_is_told(tmp_path: Path) -> N
         ("[floor]\nseed = 1.5", "a whole number"),
     ):
         (tmp_path / "wrong.toml").write_text(text)
-        result = CliRunner().invoke(app, ["hil", "stand", "--world", f"mujoco:{tmp_path / 'wrong.toml'}"])
+        result = CliRunner().invoke(app, ["run", "stand", "--world", f"mujoco:{tmp_path / 'wrong.toml'}"])
         assert result.exit_code == 2
         assert said in " ".join(result.output.split())
 

@@ -29,11 +29,11 @@ def robot_file(folder: Path, *lines: str) -> str:
         ("floor_slope_rad = 2.0", "simulation.floor_slope_rad"),
     ],
 )
-@pytest.mark.parametrize("command", ["sim", "export"])
+@pytest.mark.parametrize("command", ["run", "export"])
 def test_a_misspelt_key_of_simulation_is_no_ideal_wheel(tmp_path: Path, line: str, words: str, command: str) -> None:
     file, out = robot_file(tmp_path, line), str(tmp_path / "out")
     arguments = {
-        "sim": ["sim", "no_slip", "--robot", file, "--duration", "0.5", "--out", out],
+        "run": ["run", "--core-only", "no_slip", "--robot", file, "--duration", "0.5", "--out", out],
         "export": ["robots", "export", file, f"{out}.urdf"],
     }
     result = CliRunner().invoke(app, arguments[command])
@@ -54,7 +54,15 @@ def test_every_key_that_the_models_read_may_be_in_a_robot_file() -> None:
 
 @pytest.mark.parametrize("rollers", [1, 2])
 def test_a_wheel_of_one_or_two_rollers_is_none(tmp_path: Path, rollers: int) -> None:
-    arguments = ["sim", "no_slip", "--set", f"world.rollers_per_row={rollers}", "--out", str(tmp_path / "out")]
+    arguments = [
+        "run",
+        "no_slip",
+        "--core-only",
+        "--set",
+        f"world.rollers_per_row={rollers}",
+        "--out",
+        str(tmp_path / "out"),
+    ]
     result = CliRunner().invoke(app, arguments)
     assert result.exit_code != 0
     assert "0 (ideal wheels) or 3 to 60" in " ".join(result.output.split())
@@ -65,7 +73,9 @@ def test_a_plant_without_patches_says_so(tmp_path: Path) -> None:
     scenario = tmp_path / "patched.toml"
     text = '[scenario]\nname = "patched"\ndescription = "ice"\nextends = "no_slip"\n'
     scenario.write_text(text + "\n[[patch]]\nx_m = [0.0, 1.0]\ny_m = [0.0, 1.0]\nfriction = 0.1\n", encoding="utf-8")
-    result = CliRunner().invoke(app, ["sim", str(scenario), "--plant", "slip", "--out", str(tmp_path / "out")])
+    result = CliRunner().invoke(
+        app, ["run", "--core-only", str(scenario), "--plant", "slip", "--out", str(tmp_path / "out")]
+    )
     assert result.exit_code == 2
     assert "[[patch]]" in " ".join(result.output.split())
     assert [path.name for path in tmp_path.iterdir()] == ["patched.toml"]

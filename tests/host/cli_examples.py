@@ -46,6 +46,7 @@ from tests.quick_scenario import QUICK
 
 SIMULATOR = "from tests.hil_sim.tiny_world import TinyWorld\n\n\nclass MyWorld(TinyWorld):\n    fixes = False\n"
 LINK = ("--link", "-l")
+CHECKS = "python -m omni.checks "
 
 
 @contextmanager
@@ -138,9 +139,6 @@ def no_page() -> Iterator[None]:
 def no_emulator() -> Iterator[None]:
     """The firmware as a process stands in for the emulated one."""
 
-    def end(_: object) -> None:
-        raise KeyboardInterrupt
-
     @contextmanager
     def image(*_: Any, links: Any, **__: Any) -> Iterator[Any]:
         yield SimpleNamespace(urls=links)
@@ -155,7 +153,6 @@ def no_emulator() -> Iterator[None]:
                 "hil_sim.sitl.start_sitl": in_process,
                 "omniwheel.emulated_firmware.EmulatedFirmware": FirmwareProcess,
                 "hil_sim.image_firmware.ImageFirmware": image,
-                "omni.cli.emulate._wait_for_end": end,
             }
         ),
     ):
@@ -163,24 +160,17 @@ def no_emulator() -> Iterator[None]:
 
 
 def _short(_name: str, _robot: str | None = None) -> Any:
-    return load_scenario("quick.toml")
+    return replace(load_scenario("quick.toml"), compared={"quick.toml": "once more"})
 
 
 @contextmanager
-def short_runs(**as_if: Any) -> Iterator[None]:
-    """Half a second of the demo, on the firmware as a process; ``as_if`` replaces what the run says of itself."""
+def short_runs() -> Iterator[None]:
+    """Half a second of the demo, on the firmware as a process."""
 
     def run(*arguments: Any, **options: Any) -> Any:
-        return replace(run_hil(*arguments, **{**options, "emulated": False, "image": None}), **as_if)
+        return run_hil(*arguments, **{**options, "emulated": False, "image": None})
 
     with patched({"hil_sim.scenario.load_scenario": _short, "hil_sim.hil.run_hil": run}):
-        yield
-
-
-@contextmanager
-def short_simulation() -> Iterator[None]:
-    """The same in this process."""
-    with patch("hil_sim.scenario.load_scenario", _short):
         yield
 
 
@@ -283,7 +273,8 @@ RULES = (
     Rule("mocap calibrate", during=known_lens),
     Rule("mocap"),
     Rule("link", "--listen tcp:127.0.0.1:0", ("--listen",), soon_unplugged),
-    Rule("radio key new", new="robot.key"),
+    Rule("radio --new-key", new="robot.key"),
+    Rule("radio --show-key"),
     Rule("host-control motor", "--duration 0.1", during=no_radio),
     Rule("host-control", "--simulate --duration 20", STAND_IN, codes=(0, 1)),
     Rule("params save", leave=LINK, during=robot, new="mine.toml"),
@@ -293,8 +284,8 @@ RULES = (
     Rule("tune --experiment trajectory", leave=LINK, during=tried),
     Rule("tune --set WS_P=1 -e", "--rounds 1", LINK, robot),
     Rule("tune --set ISMC_LAM_XY=3", "--rounds 1", LINK, robot),
-    Rule("tune --set WS_P=2", "--duration 2 --size 0.1 --rounds 2", LINK, robot),
-    Rule("tune", "--duration 2 --size 0.1", LINK, robot),
+    Rule("tune --set WS_P=2", "--rounds 2", LINK, robot),
+    Rule("tune", leave=LINK, during=robot),
     Rule("autotune --name", "--legs 4 --rounds 2", LINK, partial(robot, end_s=900.0), new="mine.toml"),
     Rule("autotune", leave=LINK, during=tuned),
     Rule("experiment wheel-chirp --wheel 1", leave=LINK, during=partial(robot, "stand")),
@@ -308,26 +299,25 @@ RULES = (
     Rule(
         "identify simulate", "--duration 4", during=CASES["identify simulate"].during, new="identified.toml found.toml"
     ),
-    Rule("demo", "--no-compare", during=partial(short_runs, done=True)),
-    Rule("sitl", "--port 0", during=soon_over),
+    Rule("sitl", "--port 0", during=no_emulator),
     Rule("studio", "--no-browser --port 0", during=no_page),
-    Rule("emulate", "--port 0", during=no_emulator),
-    Rule("hil", leave=LINK, during=short_runs, codes=(0, 1)),
-    Rule("sim", during=short_simulation, codes=(0, 1)),
+    Rule("runs drive-pose-2 --delete", answers="y\n"),
+    Rule("runs"),
+    Rule("run", leave=LINK, during=short_runs),
     Rule("montecarlo", STUDY, ("--cluster",)),
     Rule("sweep", STUDY),
     Rule("optimize", f"--trials 2 {STUDY}", codes=(0, 1)),
-    Rule("study", "--robots 2 --rivals 0 --stops 0 --workers 1", during=CASES["study autotune"].during),
-    Rule("soak", during=no_soak),
-    Rule("bench", "--duration 1 --repeat 1", during=one_loop),
+    Rule(f"{CHECKS}autotune", "--robots 2 --rivals 0 --stops 0 --workers 1", during=CASES["checks autotune"].during),
+    Rule(f"{CHECKS}soak", during=no_soak),
+    Rule(f"{CHECKS}bench", "--duration 1 --repeat 1", during=one_loop),
+    Rule(f"{CHECKS}image", during=CASES["checks image"].during),
     Rule("robots new mine --ask", answers="\n" * 40, new="mine.toml", codes=(0, 1, 2)),
     Rule("robots new", new="mine.toml"),
     Rule("robots"),
     Rule("flash", "--dry-run", during=no_build),
-    Rule("check-image", during=CASES["check-image"].during),
     # Nobody turns the wheels by hand, so Ctrl-C ends the wait for it.
     Rule("bringup encoders", during=person, codes=(130,)),
-    Rule("bringup all", leave=("--radio",), during=person, codes=(1, 130)),
+    Rule("bringup --r", leave=("--radio",), during=person, codes=(1, 130)),
     Rule("bringup", leave=("--radio",), during=person, codes=(0, 1)),
     Rule("doctor", codes=(0, 1)),
     Rule("record", "--duration 2", LINK, robot, new="run.tlog"),
@@ -335,8 +325,6 @@ RULES = (
     Rule("logs import", new="run1.npz"),
     Rule("logs"),
     Rule("plot"),
-    Rule("runs delete", answers="y\n"),
-    Rule("runs"),
     Rule("reproduce", "diagrams --quick"),
     Rule("", leave=LINK, during=robot),
 )
@@ -356,11 +344,11 @@ def rule_of(line: str) -> Rule:
 
 
 def words_of(line: str, rule: Rule) -> list[str]:
-    """Return the words behind ``omni``."""
-    command = line.split(" | ")[0].split("  #")[0]
+    """Return the words behind the program."""
+    command = line.removeprefix(CHECKS).removeprefix("omni ").split(" | ")[0].split("  #")[0]
     for real, stand_in in STAND_INS.items():
         command = command.replace(real, stand_in)
-    words = [name for word in shlex.split(command)[1:] for name in expanded(word)]
+    words = [name for word in shlex.split(command) for name in expanded(word)]
     kept = [
         word for i, word in enumerate(words) if word not in rule.leave and (i == 0 or words[i - 1] not in rule.leave)
     ]
@@ -409,7 +397,7 @@ def make_files(folder: Path) -> None:
         imported = f"logs import {name}.csv --mapping mapping.toml --truth truth_{name}.csv --out {name}.npz"
         assert CliRunner().invoke(app, imported.split()).exit_code == 0
     shutil.copy(folder / "truth_run1.csv", folder / "truth1.csv")
-    for line in ("mocap record lap.csv --source simulated --duration 0.3", "hil logged.toml --out made"):
+    for line in ("mocap record lap.csv --source simulated --duration 0.3", "run logged.toml --out made"):
         assert CliRunner().invoke(app, line.split()).exit_code in (0, 1)
     run = next((folder / "made").iterdir())
     for name in ("demo-seed1", "demo-seed1-2", "drive-pose", "drive-pose-2"):

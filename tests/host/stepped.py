@@ -15,7 +15,7 @@ from hil_sim.scenario import load_scenario
 from omniwheel import FirmwareProcess, Robot
 
 URL = "simulated"
-_NAMES = ("omni.cli.common.link_url", "omni.cli.stop.link_url", "omni.cli.bringup.link_url")
+_NAMES = ("omni.cli.common.link_url", "omni.cli.stop.link_url")
 
 
 class _LastingLink(SteppedLink):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""What `omni check-image` is asked for that it cannot do is said at once, and is no failed check of the image."""
+"""What the check of an image cannot do is reported at once, and is no failed check of the image."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import pytest
 from typer.testing import CliRunner
 
 from image_check.run import all_checks
-from omni.cli import app
+from omni.checks import app
 from tests.host.hex_files import teensy_program, write_hex
 
 pytest.importorskip("intelhex")
 
 
 def refused(path: Path, *words: str, code: int) -> str:
-    result = CliRunner().invoke(app, ["check-image", str(path), *words], env={"COLUMNS": "400"})
+    result = CliRunner().invoke(app, ["image", str(path), *words], env={"COLUMNS": "400"})
     assert result.exit_code == code, (result.output, result.stderr)
     assert "✗" not in result.output
     return result.stderr
@@ -49,6 +49,6 @@ def test_a_robot_or_a_check_that_is_none_comes_with_those_there_are(
 
 def test_each_check_of_the_list_begins_a_line_with_its_whole_name() -> None:
     """What it does goes on below, indented, where the terminal is narrow."""
-    listed = CliRunner().invoke(app, ["check-image", "--list"], env={"COLUMNS": "40"}).stdout.splitlines()
+    listed = CliRunner().invoke(app, ["image", "--list"], env={"COLUMNS": "40"}).stdout.splitlines()
     begun = [line.split()[0] for line in listed if not line.startswith(" ")]
     assert begun == [check.name for check in all_checks()]

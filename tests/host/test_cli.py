@@ -298,7 +298,7 @@ def test_a_robot_that_cannot_be_simulated_is_told_so(robot_file: Path) -> None:
     robot_file.write_text(re.sub(r"(?m)^mass_kg.*\n", "", text))
     (warning,) = [text for text in run_json("robots", "check", str(robot_file))["warnings"] if "simulated" in text]
     assert "simulation.mass_kg" in warning
-    for words in (("sim", "demo"), ("hil", "demo"), ("sitl",)):
+    for words in (("run", "--core-only"), ("run",), ("sitl",)):
         result = run(*words, "--robot", str(robot_file), code=2)
         assert "Traceback" not in result.stderr
         assert "simulation.mass_kg" in result.stderr
@@ -309,7 +309,7 @@ def test_what_the_core_refuses_is_not_fine(robot_file: Path) -> None:
     text = robot_file.read_text()
     robot_file.write_text(re.sub(r"(?ms)(^\[motor\].*?^direction = )\[.*?\]", r"\1[1, 1, 0]", text))
     assert "W3_MOT_DIR" in run("robots", "check", str(robot_file), code=2).stderr
-    assert "motor_direction[2]" in run("sim", "demo", "--robot", str(robot_file), code=2).stderr
+    assert "motor_direction[2]" in run("run", "--core-only", "--robot", str(robot_file), code=2).stderr
 
 
 def test_robots_are_listed_shown_and_checked(robot_file: Path) -> None:

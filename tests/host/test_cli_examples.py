@@ -11,9 +11,10 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from omni import checks
 from omni.cli import app
 from tests.blank_pictures import blank_pictures
-from tests.host.cli_examples import RULES, make_files, rule_of, words_of
+from tests.host.cli_examples import CHECKS, RULES, make_files, rule_of, words_of
 from tests.host.test_cli_front import examples
 
 EXAMPLES = sorted(set(examples()))
@@ -46,7 +47,8 @@ def test_an_example_does_its_work(line: str, files: Path, tmp_path: Path, monkey
     monkeypatch.chdir(folder)
     drawn = ExitStack() if line == DRAWN[rule.head] else blank_pictures()
     with drawn, rule.during():
-        result = CliRunner().invoke(app, words_of(line, rule), input=rule.answers, env={"COLUMNS": "80"})
+        program = checks.app if line.startswith(CHECKS) else app
+        result = CliRunner().invoke(program, words_of(line, rule), input=rule.answers, env={"COLUMNS": "80"})
     assert result.exception is None or isinstance(result.exception, SystemExit), result.exception
     assert result.exit_code in rule.codes, (words_of(line, rule), result.output)
     assert "Traceback" not in result.output

@@ -21,6 +21,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from omni import checks
 from omni.cli import app
 from omni.cli.command_table import TABLE
 from omni.cli.common import BAD_INPUT
@@ -56,14 +57,16 @@ def commands(command: Any, words: tuple[str, ...] = ()) -> Iterator[tuple[tuple[
 
 
 ALL = list(commands(ROOT_COMMAND))
+CHECKS = "python -m omni.checks "
+CHECKS_COMMAND: Any = typer.main.get_command(checks.app)
 
 
 def examples() -> list[str]:
-    """Return the lines that begin with ``omni`` in the examples of all commands."""
+    """Return the lines that begin with ``omni``, or with CHECKS, in the examples of all commands."""
     found = []
-    for _, command in ALL:
+    for _, command in [*ALL, *commands(CHECKS_COMMAND)]:
         plain = re.sub(r"(?<!\\)\[/?[a-z]*\]", "", command.epilog or "").replace("\\[", "[")
-        found += [line.strip() for line in plain.splitlines() if line.strip().startswith("omni ")]
+        found += [line.strip() for line in plain.splitlines() if line.strip().startswith(("omni ", CHECKS))]
     return found
 
 
@@ -164,8 +167,8 @@ def test_completing_a_command_draws_nothing_and_reads_no_schema() -> None:
 
 def test_the_tab_key_leaves_words_alone_and_a_command_does_not() -> None:
     """A number that is none is no reason to offer nothing; the command itself refuses it."""
-    assert completed("omni sim --seed many four_w") == ["four_wheel"]
-    refused = CliRunner().invoke(app, ["sim", "four_wheel", "--seed", "many"])
+    assert completed("omni run --seed many four_w") == ["four_wheel"]
+    refused = CliRunner().invoke(app, ["run", "four_wheel", "--seed", "many"])
     assert refused.exit_code == BAD_INPUT
     assert {"--seed", "many"} <= set(re.findall(r"[\w-]+", refused.output))
 
@@ -190,20 +193,20 @@ def test_the_tab_key_imports_nothing_heavy_anywhere() -> None:
 
 def test_a_heavy_import_behind_the_tab_key_is_found() -> None:
     """Without LIGHT, the schema of the world, whose plants the help page of a scenario shows, is one."""
-    assert "hil_sim.schema" in heavy_by_line(["omni sim "], light=set())["omni sim "]
+    assert "hil_sim.schema" in heavy_by_line(["omni run "], light=set())["omni run "]
 
 
 @pytest.mark.parametrize(
     ("line", "offered"),
     [
-        ("omni che", ["check-image"]),
+        ("omni doc", ["doctor"]),
         ("omni params get ISMC_LAM", ["ISMC_LAM_TH", "ISMC_LAM_XY"]),
         ("omni params set ISMC_LAM_X", ["ISMC_LAM_XY="]),
         ("omni params set CTL_MODE=i", ["CTL_MODE=ismc"]),
         ("omni robots check three", ["three_wheel"]),
-        ("omni sim dem", ["demo"]),
+        ("omni run dem", ["demo"]),
         ("omni drive trajectory cir", ["circle"]),
-        ("omni sim demo --preset report_t", ["report_torque"]),
+        ("omni run demo --preset report_t", ["report_torque"]),
         ("omni monitor --link tcp", ["tcp:127.0.0.1:5760"]),
     ],
 )
@@ -211,9 +214,15 @@ def test_the_tab_key_offers_what_begins_so(line: str, offered: list[str]) -> Non
     assert sorted(completed(line)) == offered
 
 
-@pytest.mark.parametrize("words", [words for words, _ in ALL], ids=lambda words: " ".join(("omni", *words)))
-def test_every_help_page_fits_80_columns_and_says_what_the_command_does(words: tuple[str, ...]) -> None:
-    result = CliRunner().invoke(app, [*words, "--help"], env={"COLUMNS": "80"})
+@pytest.mark.parametrize(
+    ("program", "words"),
+    [
+        *(pytest.param(app, words, id=" ".join(("omni", *words))) for words, _ in ALL),
+        *(pytest.param(checks.app, words, id=" ".join((CHECKS, *words))) for words, _ in commands(CHECKS_COMMAND)),
+    ],
+)
+def test_every_help_page_fits_80_columns_and_says_what_the_command_does(program: Any, words: tuple[str, ...]) -> None:
+    result = CliRunner().invoke(program, [*words, "--help"], env={"COLUMNS": "80"})
     assert result.exit_code == 0, result.output
     assert max(len(line) for line in result.output.splitlines()) <= 80
     assert len(result.output.split("Options")[0].split()) > 5
@@ -222,8 +231,9 @@ def test_every_help_page_fits_80_columns_and_says_what_the_command_does(words: t
 @pytest.mark.parametrize("line", examples())
 def test_every_example_of_a_help_page_can_be_typed(line: str) -> None:
     """Each is parsed to its end: commands, options and types. What it does is the matter of other tests."""
-    words = shlex.split(line.split(" | ")[0].split("  #")[0])[1:]
-    command, context = ROOT_COMMAND, ROOT_COMMAND.make_context("omni", list(words))
+    command = CHECKS_COMMAND if line.startswith(CHECKS) else ROOT_COMMAND
+    words = shlex.split(line.removeprefix(CHECKS).removeprefix("omni ").split(" | ")[0].split("  #")[0])
+    context = command.make_context("omni", words)
     while hasattr(command, "resolve_command") and (rest := [*context._protected_args, *context.args]):
         name, command, left = command.resolve_command(context, rest)
         context = command.make_context(name, left, parent=context)
@@ -284,7 +294,7 @@ def test_a_time_is_always_called_duration() -> None:
                 assert option.opts[0] == "--duration", words
 
 
-@pytest.mark.parametrize("module", ["typer", "omni.cli", "omni.cli.sim", "hil_sim", "numpy"])
+@pytest.mark.parametrize("module", ["typer", "omni.cli", "omni.cli.run", "hil_sim", "numpy"])
 def test_ctrl_c_while_modules_load_shows_no_traceback(module: str) -> None:
     program = (
         "import sys\n"
@@ -293,7 +303,7 @@ def test_ctrl_c_while_modules_load_shows_no_traceback(module: str) -> None:
         "    def find_spec(name, path=None, target=None):\n"
         f"        if name == {module!r}: raise KeyboardInterrupt\n"
         "sys.meta_path.insert(0, CtrlC)\n"
-        "sys.argv = ['omni', 'sim', 'demo']\n"
+        "sys.argv = ['omni', 'run', 'demo']\n"
         "from omni.__main__ import main\n"
         "main()\n"
     )
@@ -335,7 +345,7 @@ def test_a_bracket_that_was_lost_is_found() -> None:
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("words", [["robots", "list"], ["sim", "demo"], ["monitor", "--link", "tcp:127.0.0.1:1"]])
+@pytest.mark.parametrize("words", [["robots"], ["run", "demo"], ["monitor", "--link", "tcp:127.0.0.1:1"]])
 @pytest.mark.parametrize("stale", ["omniwheel._core", "omni_schema"])
 def test_an_old_build_is_one_sentence(words: list[str], stale: str) -> None:
     """The module is there and lacks every name that is asked of it, as one of an older version may."""
@@ -366,9 +376,9 @@ def test_a_function_that_the_compiled_module_lacks_is_an_old_build() -> None:
     assert stale_build(ImportError("No module named 'optuna'", name="optuna")) is None
 
 
-@pytest.mark.parametrize("command", ["sitl", pytest.param("emulate", marks=pytest.mark.needs("arm", "qemu"))])
-def test_a_port_in_use_gets_a_hint(command: str) -> None:
+@pytest.mark.parametrize("words", [[], pytest.param(["--board", "cortex-m7"], marks=pytest.mark.needs("arm", "qemu"))])
+def test_a_port_in_use_gets_a_hint(words: list[str]) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
-        result = CliRunner().invoke(app, [command, "--link", f"tcp:127.0.0.1:{taken.getsockname()[1]}"])
+        result = CliRunner().invoke(app, ["sitl", *words, "--link", f"tcp:127.0.0.1:{taken.getsockname()[1]}"])
     assert result.exit_code == 1
     assert "choose another port" in " ".join(result.stderr.split())

@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from image_check.run import all_checks
 from omni.cli import app
 from omni.cli.study_output import print_table
 from omni_reproduce.registry import EXPERIMENTS
@@ -42,7 +41,6 @@ def check(text: str, names: Iterable[str]) -> None:
 @pytest.mark.parametrize(
     ("line", "names"),
     [
-        ("check-image --list", [check.name for check in all_checks()]),
         ("params presets", preset_names()),
         ("robots", robot_names()),
         ("reproduce --list", [entry.name for entry in EXPERIMENTS]),
@@ -69,12 +67,12 @@ def test_parameters_take_one_or_two_lines_each() -> None:
 def test_runs_are_listed_and_compared_by_their_whole_names(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     Path("quick.toml").write_text(QUICK, encoding="utf-8")
-    CliRunner().invoke(app, ["sim", "quick.toml"])
+    CliRunner().invoke(app, ["run", "--core-only", "quick.toml"])
     run = next(Path("runs").iterdir())
     for name in (LONG, f"{LONG}-2"):
         shutil.copytree(run, Path("runs") / name)
     check(shown("runs"), [run.name, LONG, f"{LONG}-2"])
-    check(shown("runs", "compare", LONG, f"{LONG}-2"), [LONG, f"{LONG}-2"])
+    check(shown("runs", LONG, f"{LONG}-2"), [LONG, f"{LONG}-2"])
 
 
 def test_columns_of_a_study_that_do_not_fit_go_into_another_table(capsys: pytest.CaptureFixture[str]) -> None:

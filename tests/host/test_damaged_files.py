@@ -61,7 +61,9 @@ def originals(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scales = "forward_scale = [1.0, 1.0, 1.0]\nreverse_scale = [1.0, 1.0, 1.0]"
     (folder / "robot.calibration.toml").write_text(f"[odometry]\n{scales}\n[motor_curve]\n{curve}\n")
     (folder / "scenario.toml").write_text("[scenario]\nname='x'\ndescription='y'\nextends='demo'\nduration_s=0.5\n")
-    result = CliRunner().invoke(app, ["sim", str(folder / "scenario.toml"), "--out", str(folder / "runs")])
+    result = CliRunner().invoke(
+        app, ["run", "--core-only", str(folder / "scenario.toml"), "--out", str(folder / "runs")]
+    )
     assert result.exit_code == 0, result.output
     return folder
 

@@ -48,17 +48,35 @@ def test_a_drive_is_kept_listed_compared_plotted_renamed_and_deleted(sitl: str, 
     assert [entry["name"] for entry in json.loads(output)["runs"]] == ["drive-pose", "drive-pose-2"]
     assert {entry["controller"] for entry in json.loads(output)["runs"]} == {"ismc"}
     assert "0.05" in run("runs", "--folder", runs, "--find", "0.05")[1]
-    compared = json.loads(run("runs", "compare", "drive-pose", "drive-pose-2", "--folder", runs, "--json")[1])
+    compared = json.loads(run("runs", "drive-pose", "drive-pose-2", "--folder", runs, "--json")[1])
     assert compared["parameters"] == {"ISMC_LAM_XY": [4.0, 12.0]}
     (runs / "drive-pose" / "run.png").unlink()
     assert run("plot", runs / "drive-pose")[0] == 0
     assert (runs / "drive-pose" / "run.png").is_file()
     assert run("plot", runs / "drive-pose" / "telemetry.tlog", "--out", tmp_path / "x.png")[0] == 0
-    assert run("runs", "name", "drive-pose", "before", "--folder", runs)[0] == 0
-    assert run("runs", "name", "before", "drive-pose-2", "--folder", runs)[0] == 2
-    assert run("runs", "delete", "before", "--yes", "--folder", runs)[0] == 0
+    assert run("runs", "drive-pose", "--rename", "before", "--folder", runs)[0] == 0
+    assert run("runs", "before", "--rename", "drive-pose-2", "--folder", runs)[0] == 2
+    assert run("runs", "before", "--delete", "--yes", "--folder", runs)[0] == 0
     assert [path.name for path in runs.iterdir()] == ["drive-pose-2"]
-    assert run("runs", "compare", "before", "drive-pose-2", "--folder", runs)[0] == 2
+    assert run("runs", "before", "drive-pose-2", "--folder", runs)[0] == 2
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--delete"], ["--rename", "x"], ["one", "other", "--delete"], ["one", "--find", "o"], ["one", "--yes"]],
+)
+def test_options_of_runs_that_do_not_belong_together_are_refused(tmp_path: Path, words: list[str]) -> None:
+    for name in ("one", "other"):
+        kept_run(tmp_path / name, "WS_P = 4.0")
+    assert run("runs", *words, "--folder", tmp_path)[0] == 2
+    assert {path.name for path in tmp_path.iterdir()} == {"one", "other"}
+
+
+def test_one_run_is_shown_alone(tmp_path: Path) -> None:
+    for name in ("one", "other"):
+        kept_run(tmp_path / name, "WS_P = 4.0")
+    shown = json.loads(run("runs", "other", "--folder", tmp_path, "--json")[1])["runs"]
+    assert [entry["name"] for entry in shown] == ["other"]
 
 
 def kept_run(folder: Path, parameters: str) -> None:
@@ -71,7 +89,7 @@ def kept_run(folder: Path, parameters: str) -> None:
 def test_runs_with_other_named_values_are_compared(tmp_path: Path) -> None:
     kept_run(tmp_path / "one", 'CTL_MODE = "ismc"\nWS_P = 4.0')
     kept_run(tmp_path / "other", 'CTL_MODE = "pid"\nWS_P = 4.0')
-    code, output = run("runs", "compare", "one", "other", "--folder", tmp_path)
+    code, output = run("runs", "one", "other", "--folder", tmp_path)
     assert code == 0, output
     line = next(line for line in output.splitlines() if "CTL_MODE" in line)
     assert line.split() == ["CTL_MODE", "ismc", "pid"]
@@ -81,7 +99,7 @@ def test_runs_with_other_named_values_are_compared(tmp_path: Path) -> None:
 def test_parameters_of_another_version_are_not_compared(tmp_path: Path) -> None:
     kept_run(tmp_path / "one", "NOT_KNOWN_HERE = 1.0")
     kept_run(tmp_path / "other", "WS_P = 4.0")
-    assert run("runs", "compare", "one", "other", "--folder", tmp_path)[0] == 0
+    assert run("runs", "one", "other", "--folder", tmp_path)[0] == 0
 
 
 def test_a_refused_drive_leaves_nothing(firmware: FirmwareProcess, tmp_path: Path) -> None:

@@ -129,7 +129,7 @@ def test_a_key_that_cannot_be_written_leaves_no_file(tmp_path: Path, monkeypatch
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", fail)
-    result = CliRunner().invoke(app, ["radio", "key", "new", str(tmp_path / "robot.key")])
+    result = CliRunner().invoke(app, ["radio", "--new-key", str(tmp_path / "robot.key")])
     assert result.exit_code == 1
     assert "the disk is full" in result.output
     assert list(tmp_path.iterdir()) == []

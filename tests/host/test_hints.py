@@ -25,17 +25,17 @@ def said_by(line: str) -> tuple[int, str]:
 @pytest.mark.parametrize(
     ("typed", "said"),
     [
-        ("sim nosuch", "hint: give one of these names, or a .toml file of your own; `omni hil --list` describes"),
+        ("run nosuch", "hint: give one of these names, or a .toml file of your own; `omni run --list` describes"),
         ("plot nothing", "hint: give a .tlog file or the folder of a run; `omni runs` lists them"),
         ("monitor", "`omni sitl` simulates one"),
         ("montor", "no such command: montor (did you mean monitor?)"),
-        ("sim --set FOO=1", "unknown parameter FOO hint: `omni robots params NAME` prints all"),
-        ("sim --set slip_max=0.1", "unknown parameter slip_max (did you mean world.slip_max?)"),
-        ("hil --set ISMC_LAMXY=8", "unknown parameter ISMC_LAMXY (did you mean ISMC_LAM_XY?)"),
-        ("hil --set LAM=8", "unknown parameter LAM (did you mean ISMC_LAM_XY or ISMC_LAM_TH?)"),
+        ("run --set FOO=1", "unknown parameter FOO hint: `omni robots show --params NAME` prints all"),
+        ("run --set slip_max=0.1", "unknown parameter slip_max (did you mean world.slip_max?)"),
+        ("run --set ISMC_LAMXY=8", "unknown parameter ISMC_LAMXY (did you mean ISMC_LAM_XY?)"),
+        ("run --set LAM=8", "unknown parameter LAM (did you mean ISMC_LAM_XY or ISMC_LAM_TH?)"),
         ("sitl --robot fast", "unknown robot or file fast (did you mean fast_three_wheel?)"),
         ("params set LIM_V 0.1", "write the name, = and the value without spaces"),
-        ("sim --seed 99999999999999999999", "9223372036854775807"),
+        ("run --seed 99999999999999999999", "9223372036854775807"),
     ],
 )
 def test_the_hint_says_what_to_type_next(typed: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,14 +87,14 @@ def test_no_help_page_shows_a_range_that_nobody_can_read(entry: Any) -> None:
 
 @pytest.mark.full
 def test_the_list_of_scenarios_tells_which_robot_drives() -> None:
-    code, output = said_by("hil --list")
+    code, output = said_by("run --list")
     assert code == 0
     assert "demo three_wheel Eight-petal rose" in output
     assert "fast fast_three_wheel A fast robot" in output
 
 
 def test_help_tells_a_simpler_model_from_another_simulator() -> None:
-    output = said_by("hil --help")[1]
+    output = said_by("run --help")[1]
     assert "Model of motors, body and floor" in output
     assert "External simulator" in output
 

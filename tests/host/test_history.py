@@ -242,7 +242,7 @@ def test_undone_over_a_restart_of_the_robot(tmp_path: Path, monkeypatch: pytest.
 
 def test_a_try_that_was_kept_has_its_figures(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sitl: str) -> None:
     monkeypatch.setenv("OMNI_STATE_DIR", str(tmp_path / "state"))
-    words = ["--set", "ISMC_LAM_XY=5", "--size", "0.02", "--duration", "3", "--out", str(tmp_path)]
+    words = ["--set", "ISMC_LAM_XY=5", "-e", "step", "--size", "0.02", "--duration", "3", "--out", str(tmp_path)]
     omni("tune", "--link", sitl, *words, "--revert", "--json")
     assert json.loads(omni("params", "history", "--json", "--link", sitl))["entries"] == []
     omni("tune", "--link", sitl, *words, "--keep", "--why", "softer", "--json")

@@ -26,8 +26,7 @@ WRITERS = {
     "host-control's": ("host-control", "pose", "0", "0", "0", "--simulate", "--plot", "{file}.png"),
     "top speeds": ("robots", "check", "three_wheel", "--plot", "{file}.png"),
     "wiring": ("robots", "wiring", "three_wheel", "--out", "{file}.svg"),
-    "bring-up": ("bringup", "all", "--yes", "--out", "{folder}", *NOWHERE),
-    "check of an image": ("check-image", "none.elf", "--out", "{file}.md"),
+    "bring-up": ("bringup", "--yes", "--out", "{folder}", *NOWHERE),
 }
 
 

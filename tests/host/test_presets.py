@@ -160,10 +160,10 @@ def test_a_preset_is_loaded_and_undone_by_name(sitl: str) -> None:
 def test_sim_takes_a_preset_over_the_scenario(tmp_path: Path) -> None:
     scenario = tmp_path / "short.toml"
     scenario.write_text('[scenario]\nname = "short"\nextends = "demo"\nduration_s = 3.0\n')
-    told = omni_json("sim", scenario, "--preset", "report_pid", "--out", tmp_path)
+    told = omni_json("run", "--core-only", scenario, "--preset", "report_pid", "--out", tmp_path)
     assert told["controller"] == "pid"
     assert told["parameters"]["CTL_PERIOD"] == 20
-    omni("sim", scenario, "--preset", "reprot_pid", "--out", tmp_path, code=2)
+    omni("run", "--core-only", scenario, "--preset", "reprot_pid", "--out", tmp_path, code=2)
 
 
 def test_presets_leave_the_robot_file_alone() -> None:

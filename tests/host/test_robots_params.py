@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni robots params``: what another simulator, or the firmware itself, reads of a robot file."""
+"""``omni robots show --params``: what another simulator, or the firmware itself, reads of a robot file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from omniwheel.robots import read_robot
 
 @pytest.mark.pc_only
 def test_the_firmware_takes_the_lines_as_they_are(tmp_path: Path) -> None:
-    printed = CliRunner().invoke(app, ["robots", "params", "four_wheel"])
+    printed = CliRunner().invoke(app, ["robots", "show", "--params", "four_wheel"])
     assert printed.exit_code == 0
     (tmp_path / "robot.params").write_text(printed.stdout, encoding="ascii")
     command = [str(firmware_path()), "--params", str(tmp_path / "robot.params"), "--link", "tcp:127.0.0.1:0"]
@@ -33,13 +33,13 @@ def test_the_firmware_takes_the_lines_as_they_are(tmp_path: Path) -> None:
 
 
 def test_the_same_as_json() -> None:
-    printed = CliRunner().invoke(app, ["robots", "params", "three_wheel", "--json"])
+    printed = CliRunner().invoke(app, ["robots", "show", "--params", "three_wheel", "--json"])
     said = json.loads(printed.stdout)
     assert said["name"] == "three_wheel"
     assert said["parameters"] == pytest.approx(read_robot("three_wheel").parameter_values(), rel=1e-6)
 
 
 def test_a_robot_that_is_not_there_is_told() -> None:
-    printed = CliRunner().invoke(app, ["robots", "params", "three_weel"])
+    printed = CliRunner().invoke(app, ["robots", "show", "--params", "three_weel"])
     assert printed.exit_code == 2
     assert "three_wheel" in printed.output

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""The commands that run things: tune and drive on a live robot, sim, plot and bench on this computer."""
+"""The commands that run things: tune and drive on a live robot, run, plot and bench on this computer."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from hil_sim.world import PLANTS
+from omni import checks
 from omni.cli import app
 from tests.host.stepped import connect
 
@@ -32,7 +33,7 @@ def parameter(url: str, name: str) -> float:
         return robot.parameters[name]
 
 
-STEP = ("--size", "0.05", "--duration", "1.5")
+STEP = ("-e", "step", "--size", "0.05", "--duration", "1.5")
 
 
 def test_tune_compares_and_goes_back(sitl: str, tmp_path: Path) -> None:
@@ -97,8 +98,8 @@ def test_a_pose_is_driven_to(sitl: str) -> None:
 
 
 @pytest.mark.full
-def test_sim_leaves_a_run_that_plot_draws_again(tmp_path: Path) -> None:
-    told = omni_json("sim", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
+def test_run_leaves_a_run_that_plot_draws_again(tmp_path: Path) -> None:
+    told = omni_json("run", "--core-only", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
     assert told["seed"] == 4
     assert told["way"] == "in-process"
     (run,) = tmp_path.iterdir()
@@ -107,25 +108,47 @@ def test_sim_leaves_a_run_that_plot_draws_again(tmp_path: Path) -> None:
     assert (run / "run.png").stat().st_size > 10_000
 
 
-def test_sim_over_seeds_gives_mean_and_deviation() -> None:
-    told = omni_json("sim", "fault_pose_loss", "--seeds", 3)
-    assert len(told["seeds"]) == 3
-    assert told["figures"]["position_m"]["mean"] > 0.0
-    assert told["figures"]["position_m"]["sd"] > 0.0
-
-
-def test_sim_over_seeds_says_why_no_run_can_start(tmp_path: Path) -> None:
+def test_run_says_why_it_cannot_start(tmp_path: Path) -> None:
     flat = tmp_path / "flat.toml"
     flat.write_text('[scenario]\nname = "flat"\nextends = "demo"\n[world]\nbattery_V = 5.0\n', encoding="utf-8")
-    result = CliRunner().invoke(app, ["sim", str(flat), "--seeds", "9"])
+    result = CliRunner().invoke(app, ["run", "--core-only", str(flat), "--out", str(tmp_path / "runs")])
     assert result.exit_code == 1
     assert "arming was rejected: battery" in result.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (["--core-only", "--image", "firmware.elf"], ["--image"]),
+        (["--core-only", "--board", "cortex-m7", "--link", "tcp:127.0.0.1:1"], ["--board", "--link"]),
+        (["--core-only", "--world", "mujoco"], ["--world"]),
+        (["--link", "tcp:127.0.0.1:1", "--board", "cortex-m7"], ["--board"]),
+        (["--image", "firmware.elf", "--board", "cortex-m7"], ["--board"]),
+        (["--board", "teensy"], ["--image", "make firmware"]),
+        (["no_slip", "--compare"], ["compare"]),
+    ],
+)
+def test_an_option_of_another_engine_is_refused(tmp_path: Path, words: list[str], names: list[str]) -> None:
+    result = CliRunner().invoke(app, ["run", *words, "--out", str(tmp_path / "runs")], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    assert [name for name in names if name not in result.stderr] == []
+    assert not (tmp_path / "runs").exists()
+
+
+def test_a_run_that_stops_early_fails(tmp_path: Path) -> None:
+    stopped = tmp_path / "stopped.toml"
+    event = '[[event]]\nat_s = 1.0\ncommand = "estop"\n'
+    arm = '[[event]]\nat_s = 0.5\ncommand = "trajectory_start"\n[[event]]\nat_s = 0.5\ncommand = "arm"\n'
+    stopped.write_text(f'[scenario]\nname = "stopped"\nextends = "no_slip"\n{arm}{event}', encoding="utf-8")
+    words = ("run", "--core-only", stopped, "--out", tmp_path / "runs")
+    assert omni_json(*words, code=1)["completed"] is False
+    assert omni_json(*words, "--duration", 2)["completed"] is False
+
+
 @pytest.mark.full
 @pytest.mark.parametrize("plant", PLANTS)
-def test_sim_drives_every_plant_to_the_end(tmp_path: Path, plant: str) -> None:
-    told = omni_json("sim", "no_slip", "--plant", plant, "--out", tmp_path)
+def test_run_drives_every_plant_to_the_end(tmp_path: Path, plant: str) -> None:
+    told = omni_json("run", "--core-only", "no_slip", "--plant", plant, "--out", tmp_path)
     assert told["completed"]
     assert told["world"]["plant"] == plant
     assert told["faults"] == []
@@ -134,28 +157,45 @@ def test_sim_drives_every_plant_to_the_end(tmp_path: Path, plant: str) -> None:
 
 
 def test_an_unknown_plant_is_bad_input(tmp_path: Path) -> None:
-    omni("sim", "no_slip", "--plant", "slipp", "--out", tmp_path, code=2)
+    omni("run", "--core-only", "no_slip", "--plant", "slipp", "--out", tmp_path, code=2)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.full
 def test_bench_measures_the_loops() -> None:
-    results = omni_json("bench", "--seconds", 1, "--repeat", 1)["results"]
+    done = CliRunner().invoke(checks.app, ["bench", "--seconds", "1", "--repeat", "1", "--json"])
+    results = json.loads(done.stdout)["results"]
     ways = ("hil", "in_process", "monte_carlo", "monte_carlo_2")
     assert all(results[way]["realtime_factor"] > 0.0 for way in ways)
 
 
 @pytest.mark.parametrize(
     "command",
-    [("sim", "nope"), ("hil", "nope"), ("plot", "nowhere"), ("sitl", "--robot", "nope"), ("sim", "--seed", -1)],
+    [
+        ("run", "nope"),
+        ("run", "nope", "--core-only"),
+        ("plot", "nowhere"),
+        ("sitl", "--robot", "nope"),
+        ("run", "--seed", -1),
+    ],
 )
 def test_what_is_not_there_is_bad_input(command: tuple[object, ...]) -> None:
     omni(*command, code=2)
 
 
 @pytest.mark.full
-def test_sim_takes_another_robot_and_other_numbers(tmp_path: Path) -> None:
-    words = ("sim", "demo", "--robot", "fast_three_wheel", "--set", "TRJ_PETALS=4", "--set", "world.slip_max=0.02")
+def test_run_takes_another_robot_and_other_numbers(tmp_path: Path) -> None:
+    words = (
+        "run",
+        "demo",
+        "--core-only",
+        "--robot",
+        "fast_three_wheel",
+        "--set",
+        "TRJ_PETALS=4",
+        "--set",
+        "world.slip_max=0.02",
+    )
     summary = omni_json(*words, "--out", tmp_path)
     assert summary["robot"] == "fast_three_wheel"
     assert summary["parameters"]["TRJ_PETALS"] == 4.0
@@ -165,12 +205,12 @@ def test_sim_takes_another_robot_and_other_numbers(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("word", ["TRJ_PETALS", "NOPE=1", "TRJ_PETALS=100", "world.slip_max=2", "TRJ_PETALS=3:5"])
 def test_a_setting_that_is_none_is_refused(tmp_path: Path, word: str) -> None:
-    omni("sim", "demo", "--set", word, "--out", tmp_path, code=2)
+    omni("run", "--core-only", "demo", "--set", word, "--out", tmp_path, code=2)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_run_says_which_controller_drove(tmp_path: Path) -> None:
-    output = omni("sim", "no_slip", "--set", "CTL_MODE=pd", "--duration", "2", "--out", tmp_path)
+    output = omni("run", "--core-only", "no_slip", "--set", "CTL_MODE=pd", "--duration", "2", "--out", tmp_path)
     assert "controller pd" in output
     (summary,) = tmp_path.glob("*/summary.json")
     assert json.loads(summary.read_text(encoding="utf-8"))["controller"] == "pd"

@@ -14,9 +14,12 @@ from typer.testing import CliRunner
 
 import omniwheel.robot
 from omni.cli import app
+from omni.cli import tune as tune_command
+from omni_schema.parameters import EXPERIMENTS
 from omniwheel.errors import LimitError
 from omniwheel.experiments import PositionPlan, WheelPlan
-from omniwheel.experiments.repeated import Loop, Signal, common
+from omniwheel.experiments.repeated import Loop, Signal, common, experiments_for
+from omniwheel.robots import parameter_table
 from omniwheel.tuning_verdict import Kind, judge_figures
 from tests.host.experiments.test_wheel import FLOOR, STAND, connected
 from tests.host.stepped import robot as simulated
@@ -55,6 +58,18 @@ def test_a_wheel_loops_gain_shows_with_a_verdict(stand: None, tmp_path: Path) ->
     assert json.loads((folder / "drive.json").read_text())["asked"].startswith("tune wheel-chirp, wheel-step: WS_P=0.5")
 
 
+def test_each_parameter_names_an_experiment_that_tune_has() -> None:
+    assert {kind.value for kind in tune_command.Kind} == set(EXPERIMENTS)
+    chosen = experiments_for(["WS_P", "ISMC_LAM_XY", "WS_I", "LIM_V", "NOT_KNOWN"], parameter_table())
+    assert chosen == ["wheel-step", "position-step", "step"]
+
+
+@pytest.mark.full
+def test_without_a_wish_the_changed_parameter_chooses_the_experiment(stand: None, tmp_path: Path) -> None:
+    told = tune(tmp_path, "--set", "WS_P=6", "--wheels-up")
+    assert json.loads((Path(told["folder"]) / "drive.json").read_text())["asked"] == "tune wheel-step: WS_P=6.0"
+
+
 @pytest.mark.full
 def test_a_position_gain_shows_and_nothing_is_overwritten(tmp_path: Path) -> None:
     with simulated(end_s=600.0):
@@ -85,8 +100,8 @@ def test_a_set_that_cannot_take_the_signal_is_refused_before_anything_moves(stan
     ("words", "why"),
     [
         (("-e", "wheel-step", "-e", "wheel-chirp", "--size", "1"), "belong to one experiment"),
-        (("--size", "0"), "not 0"),
-        (("--size", "4"), "from -3 to 3"),
+        (("-e", "step", "--size", "0"), "not 0"),
+        (("-e", "step", "--size", "4"), "from -3 to 3"),
         (("-e", "wheel-stop"), "wheel-stop"),
         (("-e", "wheel-step", "--only-wheel", "4"), "unknown wheel 4"),
         (("-e", "position-step", "--size", "0.3"), "0.25"),

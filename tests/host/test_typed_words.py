@@ -92,11 +92,11 @@ def bracketed(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize("name", ["a/b", "", ".", ".."])
 def test_a_run_cannot_be_named_so(name: str, bracketed: Path) -> None:
-    assert repr(name) in run("runs", "name", "one", name, "--folder", str(bracketed), code=2).stderr
+    assert repr(name) in run("runs", "one", "--rename", name, "--folder", str(bracketed), code=2).stderr
     assert (bracketed / "one").is_dir()
 
 
 def test_brackets_in_a_path_are_shown_as_they_are(bracketed: Path) -> None:
-    assert str(bracketed / "two") in run("runs", "name", "one", "two", "--folder", str(bracketed)).output
-    assert str(bracketed / "two") in run("runs", "delete", "two", "--yes", "--folder", str(bracketed)).output
+    assert str(bracketed / "two") in run("runs", "one", "--rename", "two", "--folder", str(bracketed)).output
+    assert str(bracketed / "two") in run("runs", "two", "--delete", "--yes", "--folder", str(bracketed)).output
     assert str(bracketed) in run("runs", "--folder", str(bracketed)).output

@@ -33,7 +33,7 @@ OMNI = str(Path(sys.executable).with_name("omni"))
 
 @pytest.fixture
 def proxy(image: Path, tmp_path: Path) -> Iterator[MavProxy]:
-    command = [OMNI, "emulate", "--image", str(image), "--port", "0", "--json"]
+    command = [OMNI, "sitl", "--image", str(image), "--port", "0", "--json"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path) as process:
         try:
             assert process.stdout is not None

@@ -9,13 +9,13 @@ from typing import Any
 
 import pytest
 
+from omni import checks
 from omni.cli.command_table import TABLE, load
 from tests.structure.options import declarations, declared_twice, meanings
 
 MEANINGS = {
     "--budget": 2,
     "--duration": 11,
-    "--duty": 2,
     "--for": 6,
     "--link": 4,
     "--log": 2,
@@ -28,7 +28,6 @@ MEANINGS = {
     "--radio": 2,
     "--robot": 7,
     "--seed": 2,
-    "--seeds": 2,
     "--set": 2,
     "--source": 2,
     "--store": 2,
@@ -54,7 +53,7 @@ def test_no_option_is_declared_in_two_places() -> None:
 
 
 def test_no_option_has_a_meaning_more() -> None:
-    every = {name: command for entry in TABLE for name, command in commands(load(entry), entry.name)}
+    every = {name: command for entry in (*TABLE, *checks.TABLE) for name, command in commands(load(entry), entry.name)}
     found = {word: len(texts) for word, texts in meanings(every).items() if len(texts) > 1}
     assert found == MEANINGS
 
@@ -69,7 +68,7 @@ def test_the_same_words_in_two_places_are_found(tmp_path: Path, said: str) -> No
 
 
 def every_command() -> dict[str, Any]:
-    return {name: command for entry in TABLE for name, command in commands(load(entry), entry.name)}
+    return {name: command for entry in (*TABLE, *checks.TABLE) for name, command in commands(load(entry), entry.name)}
 
 
 def test_one_thing_has_one_name() -> None:

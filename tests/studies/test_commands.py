@@ -49,7 +49,7 @@ def test_montecarlo_leaves_numbers_picture_report_and_runs_to_repeat(quick_file:
     assert (out / "spread.png").stat().st_size > 10_000
     worst = told["worst"][0]
     assert worst["file"] in (out / "montecarlo.md").read_text()
-    again = omni_json("sim", out / worst["file"], "--out", tmp_path / "again")
+    again = omni_json("run", "--core-only", out / worst["file"], "--out", tmp_path / "again")
     assert again["seed"] == worst["seed"]
     assert again["world"]["plant"] == "slip"
     assert again["rmse"]["position_m"] == pytest.approx(worst["position_m"], rel=1e-9)

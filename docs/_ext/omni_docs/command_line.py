@@ -10,6 +10,7 @@ from typing import Any
 import typer
 from rich.text import Text
 
+from omni import checks
 from omni.cli import app
 from omni_docs.markdown import code, escaped, page, table
 
@@ -48,7 +49,7 @@ def _options(command: Any) -> str:
 
 def _examples(command: Any) -> str:
     lines = [line.strip() for line in plain(command.epilog).splitlines()]
-    shown = [line for line in lines if line.startswith(("omni", "make", "mavproxy"))]
+    shown = [line for line in lines if line.startswith(("omni", "python", "make", "mavproxy"))]
     return "\n".join(["```console", *[f"$ {line}" for line in shown], "```"]) if shown else ""
 
 
@@ -82,6 +83,10 @@ def pages() -> dict[str, str]:
     for name, child in _children(root, context):
         made[f"cli/{name}.md"] = page(*_parts(child, _context(child, name, context), ("omni", name)))
         rows.append([f"[`omni {name}`]({name}.md)", _prose(re.split(r"[.](?:\s|$)|\n\n", child.help or "")[0])])
+    project: Any = typer.main.get_command(checks.app)
+    words = ("python -m", "omni.checks")
+    made["cli/checks.md"] = page(*_parts(project, _context(project, " ".join(words)), words))
+    rows.append([f"[`{' '.join(words)}`](checks.md)", _prose(project.help)])
     names = "\n".join(["```{toctree}", ":hidden:", *[name.partition("/")[2][:-3] for name in made], "```"])
     first = [
         "# The command line",

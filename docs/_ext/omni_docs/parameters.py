@@ -8,6 +8,7 @@ from pathlib import Path
 
 from omni_docs.markdown import code, escaped, page, table
 from omni_schema import Parameter, ParameterTable, load_parameters
+from omni_schema.parameters import STEP
 
 _SECTION = re.compile(r"^# -{8,} (.+)$")
 _ENTRY = re.compile(r'^"?([A-Z][A-Z0-9_{}n]*)"? = \{')
@@ -46,6 +47,8 @@ def _row(written: str, parameter: Parameter) -> list[str]:
     notes = [escaped(parameter.doc)]
     if parameter.disarmed_only:
         notes.append("Only while disarmed.")
+    if parameter.experiment != STEP:
+        notes.append(f"Shown by {code(f'omni tune -e {parameter.experiment}')}.")
     if parameter.robot_key:
         notes.append(f"Robot file: {code(parameter.robot_key)}.")
     meaning = " ".join(note if note.endswith(".") else f"{note}." for note in notes)

@@ -51,7 +51,7 @@ def _options(
             "--signing-key",
             envvar="OMNI_SIGNING_KEY",
             metavar="FILE",
-            help="Sign messages with the key in this file (see omni radio key); needed if the robot's radio has a "
+            help="Sign messages with the key in this file (see omni radio); needed if the robot's radio has a "
             "key. For every command "
             "that takes --link, at any place in the line.",
             show_default=False,

@@ -3,8 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
+from enum import Enum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -22,7 +24,7 @@ from omni.cli.common import (
     print_json,
     redrawn_path,
 )
-from omni.cli.options import BaudOption, measure_option, page_option, takes
+from omni.cli.options import BaudOption, measure_option, page_option, refuse_unused, takes
 from omni.cli.robot_options import RobotOptions
 from omniwheel.errors import OutputFileError
 from omniwheel.limits import (
@@ -36,15 +38,58 @@ from omniwheel.limits import (
 from omniwheel.robots import read_robot
 
 if TYPE_CHECKING:
+    from omni_schema import Robot as RobotFile
     from omniwheel.bringup import Result
     from omniwheel.bringup.radio import RadioWindow
     from omniwheel.robot import Robot
 
-app = typer.Typer(
-    help="Check a new robot step by step. Each check passes or names what to correct. It is disarmed at the end, on "
-    "Ctrl-C and on any error.",
-    no_args_is_help=True,
+EXAMPLES = examples(
+    "omni bringup --robot mine.toml",
+    "omni bringup --radio /dev/ttyUSB0,9600",
+    "omni bringup link --robot mine.toml --radio /dev/ttyUSB0,9600",
+    "omni bringup encoders",
+    "omni bringup motors --duty 0.3 --yes --json",
+    "omni bringup oe --robot mine.toml",
+    "omni bringup button --robot mine.toml",
+    "omni bringup gyro --robot mine.toml --json",
+    "omni bringup drive",
+    "omni bringup radio --link /dev/ttyUSB0,9600",
+    "omni bringup radio --watch -l COM7,9600",
 )
+
+
+class Check(str, Enum):
+    """What is checked: one thing, or all."""
+
+    ALL = "all"
+    LINK = "link"
+    I2C = "i2c"
+    ENCODERS = "encoders"
+    GYRO = "gyro"
+    FLOW = "flow"
+    MOTORS = "motors"
+    ESTOP = "estop"
+    OE = "oe"
+    BUTTON = "button"
+    DRIVE = "drive"
+    RADIO = "radio"
+
+
+OPTIONS: Mapping[str, frozenset[str]] = {
+    Check.ALL: frozenset({"robot_file", "radio", "baud", "keep_going", "folder", "yes"}),
+    Check.LINK: frozenset({"robot_file", "radio"}),
+    Check.I2C: frozenset(),
+    Check.ENCODERS: frozenset(),
+    Check.GYRO: frozenset({"robot_file"}),
+    Check.FLOW: frozenset({"robot_file"}),
+    Check.MOTORS: frozenset({"duty", "yes"}),
+    Check.ESTOP: frozenset({"yes"}),
+    Check.OE: frozenset({"robot_file", "duty", "yes"}),
+    Check.BUTTON: frozenset({"robot_file"}),
+    Check.DRIVE: frozenset({"yes"}),
+    Check.RADIO: frozenset({"duration", "baud", "loss", "round_trip", "watch"}),
+}
+"""The options that each check has besides those of every command that talks to a robot."""
 
 YesOption = Annotated[
     bool,
@@ -69,7 +114,167 @@ RadioOption = Annotated[
     str | None,
     typer.Option("--radio", metavar="URL", help="The robot's radio link, checked beside --link.", show_default=False),
 ]
-DutyOption = Annotated[float, typer.Option("--duty", min=0.05, max=0.5, help="Duty cycle of the motors, 0 to 1.")]
+DutyOption = Annotated[
+    float | None,
+    typer.Option(
+        "--duty",
+        min=0.05,
+        max=0.5,
+        help=f"Duty cycle of the motors, 0 to 1: of motors and oe, there at most {OUTPUT_ENABLE_LARGEST_DUTY:g}.",
+        show_default=False,
+    ),
+]
+
+
+@takes(RobotOptions)
+def bringup(
+    ctx: typer.Context,
+    check: Annotated[Check, typer.Argument(metavar="CHECK", help="What to check.")] = Check.ALL,
+    robot_file: RobotFileOption = None,
+    radio: RadioOption = None,
+    yes: YesOption = False,
+    keep_going: Annotated[bool, typer.Option("--keep-going", help="Continue after a check that fails.")] = False,
+    folder: Annotated[Path, page_option("DIR", exists=True, file_okay=False)] = Path(),
+    duty: DutyOption = None,
+    duration: Annotated[float, measure_option(1.0)] = 10.0,
+    baud: BaudOption = RADIO_BAUD,
+    loss: Annotated[
+        float, typer.Option("--loss", min=0.0, max=1.0, help="Largest fraction of lost messages that passes, 0 to 1.")
+    ] = RADIO_LOSS_LIMIT,
+    round_trip: Annotated[
+        float,
+        typer.Option(
+            "--round-trip",
+            min=0.001,
+            metavar="S",
+            help="Largest 95th percentile of the round-trip time that passes \\[s].",
+        ),
+    ] = RADIO_ROUND_TRIP_LIMIT_S,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Print a line every 2 s until Ctrl-C, while you walk away with the robot.")
+    ] = False,
+    *,
+    wanted: RobotOptions,
+) -> None:
+    """Check a new robot step by step. Each check passes or names what to correct. Exit code 1: one did not pass.
+
+    Without a name all checks run in this order, up to the first that fails, and bringup.json and bringup.md are
+    written. The robot is disarmed at the end, on Ctrl-C and on any error.
+
+    link: heartbeats, firmware and parameter versions, the robot's numbers, latency, restarts.
+
+    i2c: the devices that respond on the I2C bus. The PWM board must respond at 0x40.
+
+    encoders: order, direction, counts, noise, while you turn each wheel by hand. Nothing is armed.
+
+    gyro: bias at rest, sign and scale. You turn the robot by hand when prompted; no motor turns.
+
+    flow: direction and scale of the floor odometry sensor. You push the robot by hand; no motor turns.
+
+    motors: order, direction, speed, deadband, wheel by wheel at low duty. On a stand.
+
+    estop: how soon the wheels stop after an e-stop, and after setpoints or heartbeats are lost. On a stand.
+
+    oe: the output-enable pin stops the wheels, and so does its pull-up. On a stand.
+
+    button: the stop button stops the wheels until a release. You press it when prompted. On a stand.
+
+    drive: a square of 20 cm and two turns at low speed, for directions and odometry. On the floor.
+
+    radio: packet loss and round-trip time of the radio --link, with 30 % of its bandwidth at most.
+    """
+    refuse_unused(ctx, check.value, OPTIONS[check], frozenset().union(*OPTIONS.values()))
+    file = None if robot_file is None else read_robot(robot_file)
+    if check is Check.ALL:
+        _all(wanted, file, radio, baud, keep_going=keep_going, folder=folder, yes=yes)
+    elif check is Check.LINK:
+        _link(wanted, file, radio)
+    elif check is Check.RADIO and watch:
+        with wanted.open() as robot:
+            _watch(robot, baud, wanted.as_json)
+    elif check is Check.RADIO:
+        from omniwheel.bringup import check_radio
+
+        with wanted.open() as robot:
+            note(f"pinging for {duration:g} s …", quiet=wanted.as_json)
+            result = check_radio(robot, duration_s=duration, baud=baud, loss_limit=loss, round_trip_limit_s=round_trip)
+        _finish(result, wanted.as_json)
+    else:
+        _one(check, wanted, file, duty, yes=yes)
+
+
+def _one(check: Check, wanted: RobotOptions, file: RobotFile | None, duty: float | None, *, yes: bool) -> None:
+    """Run a check that a person may have to watch or to help with."""
+    from omniwheel import bringup as checks
+
+    if check is Check.OE and duty is not None and duty > OUTPUT_ENABLE_LARGEST_DUTY:
+        raise typer.BadParameter(f"--duty {duty:g}: must be at most {OUTPUT_ENABLE_LARGEST_DUTY:g} for oe")
+    runs: Mapping[Check, Callable[[Robot, checks.Person], Result]] = {
+        Check.I2C: lambda robot, _: checks.check_i2c(robot),
+        Check.ENCODERS: checks.check_encoders,
+        Check.GYRO: partial(checks.check_gyro, file=file),
+        Check.FLOW: partial(checks.check_flow, file=file),
+        Check.MOTORS: partial(checks.check_motors, duty=duty or MOTORS_DUTY),
+        Check.ESTOP: checks.check_stops,
+        Check.OE: partial(checks.check_output_enable, duty=duty or OUTPUT_ENABLE_DUTY, file=file),
+        Check.BUTTON: partial(checks.check_stop_button, file=file),
+        Check.DRIVE: checks.check_drive,
+    }
+    with wanted.open() as robot:
+        person = checks.Assumed() if yes else TerminalPerson(robot, may_be_assumed="yes" in OPTIONS[check])
+        result = runs[check](robot, person)
+    _finish(result, wanted.as_json)
+
+
+def _link(wanted: RobotOptions, file: RobotFile | None, radio: str | None) -> None:
+    from omniwheel.bringup import check_link
+
+    with ExitStack() as stack:
+        robot = stack.enter_context(wanted.open())
+        other = None if radio is None else stack.enter_context(open_robot(radio, timeout_s=wanted.timeout))
+        result = check_link(robot, file, other)
+    _finish(result, wanted.as_json)
+
+
+def _all(
+    wanted: RobotOptions,
+    file: RobotFile | None,
+    radio: str | None,
+    baud: int,
+    *,
+    keep_going: bool,
+    folder: Path,
+    yes: bool,
+) -> None:
+    from omniwheel.bringup import Assumed
+    from omniwheel.bringup.results_page import FILES, TITLE, as_dict, write_results
+    from omniwheel.bringup.sequence import bring_up
+
+    title = TITLE if file is None else f"{TITLE} of {file.name}"
+    for name, beginning in FILES.items():
+        redrawn_path(folder / name, "--out", beginning)
+    results: list[Result] = []
+    with ExitStack() as stack:
+        robot = stack.enter_context(wanted.open())
+        others = [] if radio is None else [stack.enter_context(open_robot(radio, timeout_s=wanted.timeout))]
+        person = Assumed() if yes else TerminalPerson(robot, *others)
+        try:
+            for result in bring_up(
+                robot, person, file=file, radio=others[0] if others else None, baud=baud, keep_going=keep_going
+            ):
+                results.append(result)
+                if not wanted.as_json:
+                    _print(result)
+        except BaseException:
+            with suppress(OutputFileError):  # what went wrong with the robot is to be heard
+                write_results(results, folder, title)
+            raise
+    paths = write_results(results, folder, title)
+    note(f"results: {paths[0]}, {paths[1]}", quiet=wanted.as_json)
+    if wanted.as_json:
+        print_json(as_dict(results))
+    if not all(result.ok for result in results):
+        raise typer.Exit(1)
 
 
 def _finish(result: Result, as_json: bool) -> None:
@@ -96,203 +301,6 @@ def _print(result: Result) -> None:
     console.print(f"{result.check}: {verdict}")
 
 
-def _checked(wanted: RobotOptions, yes: bool | None, check: Callable[..., Result]) -> None:
-    """Run a check and print it. ``yes``: what --yes says; None where there is no such option."""
-    from omniwheel.bringup import Assumed
-
-    with wanted.open() as robot:
-        result = check(robot, Assumed() if yes else TerminalPerson(robot, may_be_assumed=yes is not None))
-    _finish(result, wanted.as_json)
-
-
-@app.command(
-    "link", epilog=examples("omni bringup link", "omni bringup link --robot mine.toml --radio /dev/ttyUSB0,9600")
-)
-@takes(RobotOptions)
-def link_command(
-    robot_file: RobotFileOption = None,
-    radio: RadioOption = None,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Check the link: heartbeats, firmware and parameter versions, the robot's numbers, latency, restarts."""
-    from omniwheel.bringup import check_link
-
-    file = None if robot_file is None else read_robot(robot_file)
-    with ExitStack() as stack:
-        robot = stack.enter_context(wanted.open())
-        other = None if radio is None else stack.enter_context(open_robot(radio, timeout_s=wanted.timeout))
-        result = check_link(robot, file, other)
-    _finish(result, wanted.as_json)
-
-
-@app.command("i2c", epilog=examples("omni bringup i2c"))
-@takes(RobotOptions)
-def i2c(*, wanted: RobotOptions) -> None:
-    """Scan the I2C bus and list the devices that respond. The PWM board must respond at 0x40."""
-    from omniwheel.bringup import check_i2c
-
-    _checked(wanted, True, lambda robot, _: check_i2c(robot))
-
-
-@app.command("encoders", epilog=examples("omni bringup encoders"))
-@takes(RobotOptions)
-def encoders(*, wanted: RobotOptions) -> None:
-    """Check the encoders while you turn each wheel by hand: order, direction, counts, noise. Nothing is armed."""
-    from omniwheel.bringup import check_encoders
-
-    _checked(wanted, None, check_encoders)
-
-
-@app.command("motors", epilog=examples("omni bringup motors", "omni bringup motors --duty 0.3 --yes --json"))
-@takes(RobotOptions)
-def motors(
-    duty: DutyOption = MOTORS_DUTY,
-    yes: YesOption = False,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Check the motors on a stand, wheel by wheel at low duty: order, direction, speed, deadband."""
-    from omniwheel.bringup import check_motors
-
-    _checked(wanted, yes, lambda robot, person: check_motors(robot, person, duty=duty))
-
-
-@app.command("estop", epilog=examples("omni bringup estop", "omni bringup estop --yes --json"))
-@takes(RobotOptions)
-def estop(
-    yes: YesOption = False,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """On a stand, measure how soon the wheels stop after an e-stop, and after setpoints or heartbeats are lost."""
-    from omniwheel.bringup import check_stops
-
-    _checked(wanted, yes, check_stops)
-
-
-@app.command(
-    "oe", epilog=examples("omni bringup oe", "omni bringup oe --robot mine.toml", "omni bringup oe --yes --json")
-)
-@takes(RobotOptions)
-def output_enable(
-    robot_file: RobotFileOption = None,
-    duty: Annotated[
-        float,
-        typer.Option(
-            "--duty",
-            min=0.05,
-            max=OUTPUT_ENABLE_LARGEST_DUTY,
-            help="Duty cycle of the motors during the check, 0 to 1.",
-        ),
-    ] = OUTPUT_ENABLE_DUTY,
-    yes: YesOption = False,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """On a stand, check that the output-enable pin stops the wheels, and that its pull-up does so too."""
-    from omniwheel.bringup import check_output_enable
-
-    file = None if robot_file is None else read_robot(robot_file)
-    _checked(
-        wanted,
-        yes,
-        lambda robot, person: check_output_enable(robot, person, duty=duty, file=file),
-    )
-
-
-@app.command("button", epilog=examples("omni bringup button", "omni bringup button --robot mine.toml"))
-@takes(RobotOptions)
-def stop_button(
-    robot_file: RobotFileOption = None,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """On a stand, check that the stop button stops the wheels until a release. You press it when prompted."""
-    from omniwheel.bringup import check_stop_button
-
-    file = None if robot_file is None else read_robot(robot_file)
-    _checked(wanted, None, lambda robot, person: check_stop_button(robot, person, file=file))
-
-
-@app.command("gyro", epilog=examples("omni bringup gyro", "omni bringup gyro --robot mine.toml --json"))
-@takes(RobotOptions)
-def gyro(
-    robot_file: RobotFileOption = None,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Check the gyro's bias at rest, its sign and scale. You turn the robot by hand when prompted; no motor turns."""
-    from omniwheel.bringup import check_gyro
-
-    file = None if robot_file is None else read_robot(robot_file)
-    _checked(wanted, None, lambda robot, person: check_gyro(robot, person, file=file))
-
-
-@app.command("flow", epilog=examples("omni bringup flow", "omni bringup flow --robot mine.toml --json"))
-@takes(RobotOptions)
-def flow(
-    robot_file: RobotFileOption = None,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Check the floor odometry sensor's direction and scale. You push the robot by hand; no motor turns."""
-    from omniwheel.bringup import check_flow
-
-    file = None if robot_file is None else read_robot(robot_file)
-    _checked(wanted, None, lambda robot, person: check_flow(robot, person, file=file))
-
-
-@app.command("drive", epilog=examples("omni bringup drive"))
-@takes(RobotOptions)
-def drive(
-    yes: YesOption = False,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """On the floor, drive a square of 20 cm and turn twice at low speed, and check directions and odometry."""
-    from omniwheel.bringup import check_drive
-
-    _checked(wanted, yes, check_drive)
-
-
-@app.command(
-    "radio", epilog=examples("omni bringup radio --link /dev/ttyUSB0,9600", "omni bringup radio --watch -l COM7,9600")
-)
-@takes(RobotOptions)
-def radio_command(
-    duration: Annotated[float, measure_option(1.0)] = 10.0,
-    baud: BaudOption = RADIO_BAUD,
-    loss: Annotated[
-        float, typer.Option("--loss", min=0.0, max=1.0, help="Largest fraction of lost messages that passes, 0 to 1.")
-    ] = RADIO_LOSS_LIMIT,
-    round_trip: Annotated[
-        float,
-        typer.Option(
-            "--round-trip",
-            min=0.001,
-            metavar="S",
-            help="Largest 95th percentile of the round-trip time that passes \\[s].",
-        ),
-    ] = RADIO_ROUND_TRIP_LIMIT_S,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Print a line every 2 s until Ctrl-C, while you walk away with the robot.")
-    ] = False,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Measure packet loss and round-trip time of the radio --link, with 30 % of its bandwidth at most."""
-    from omniwheel.bringup import check_radio
-
-    with wanted.open() as robot:
-        if watch:
-            _watch(robot, baud, wanted.as_json)
-            return
-        note(f"pinging for {duration:g} s …", quiet=wanted.as_json)
-        result = check_radio(robot, duration_s=duration, baud=baud, loss_limit=loss, round_trip_limit_s=round_trip)
-    _finish(result, wanted.as_json)
-
-
 def _watch(robot: Robot, baud: int, as_json: bool) -> None:
     from omniwheel.bringup.radio import watch_radio
 
@@ -313,51 +321,3 @@ def _line(window: RadioWindow) -> str:
         f"{bar:<10} {100 * window.loss:5.1f} % lost, from the robot {100 * window.down_loss:5.1f} %, "
         f"round trip {1e3 * window.percentile_s(0.5):4.0f} ms{signal}"
     )
-
-
-@app.command("all", epilog=examples("omni bringup all --robot mine.toml", "omni bringup all --radio /dev/ttyUSB0,9600"))
-@takes(RobotOptions)
-def all_command(
-    robot_file: RobotFileOption = None,
-    radio: RadioOption = None,
-    baud: BaudOption = RADIO_BAUD,
-    keep_going: Annotated[bool, typer.Option("--keep-going", help="Continue after a check that fails.")] = False,
-    folder: Annotated[
-        Path,
-        page_option("DIR", exists=True, file_okay=False),
-    ] = Path(),
-    yes: YesOption = False,
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Run all checks in order, up to the first that fails; write bringup.json and bringup.md."""
-    from omniwheel.bringup import Assumed
-    from omniwheel.bringup.results_page import FILES, TITLE, as_dict, write_results
-    from omniwheel.bringup.sequence import bring_up
-
-    file = None if robot_file is None else read_robot(robot_file)
-    title = TITLE if file is None else f"{TITLE} of {file.name}"
-    for name, beginning in FILES.items():
-        redrawn_path(folder / name, "--out", beginning)
-    results: list[Result] = []
-    with ExitStack() as stack:
-        robot = stack.enter_context(wanted.open())
-        others = [] if radio is None else [stack.enter_context(open_robot(radio, timeout_s=wanted.timeout))]
-        person = Assumed() if yes else TerminalPerson(robot, *others)
-        try:
-            for result in bring_up(
-                robot, person, file=file, radio=others[0] if others else None, baud=baud, keep_going=keep_going
-            ):
-                results.append(result)
-                if not wanted.as_json:
-                    _print(result)
-        except BaseException:
-            with suppress(OutputFileError):  # what went wrong with the robot is to be heard
-                write_results(results, folder, title)
-            raise
-    paths = write_results(results, folder, title)
-    note(f"results: {paths[0]}, {paths[1]}", quiet=wanted.as_json)
-    if wanted.as_json:
-        print_json(as_dict(results))
-    if not all(result.ok for result in results):
-        raise typer.Exit(1)

@@ -38,8 +38,8 @@ _TOOLS = {
 
 _EXTRAS = {
     "intelhex": ("flash", "omni flash"),
-    "pyelftools": ("flash", "omni check-image, omni flash, --image of omni emulate and omni hil"),
-    "unicorn": ("flash", "omni check-image, omni flash, --image of omni emulate and omni hil"),
+    "pyelftools": ("flash", "python -m omni.checks image, omni flash, --image of omni run and omni sitl"),
+    "unicorn": ("flash", "python -m omni.checks image, omni flash, --image of omni run and omni sitl"),
     "scipy": ("study", "omni identify, omni reproduce, omni replay, omni sweep --sobol"),
     "optuna": ("optimize", "omni optimize"),
     "distributed": ("cluster", "--cluster of omni montecarlo, sweep and optimize"),

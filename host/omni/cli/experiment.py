@@ -4,9 +4,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass
+from enum import Enum
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,7 +25,7 @@ from omni.cli.common import (
     print_json,
     signals_interrupt,
 )
-from omni.cli.options import DEFAULT_OUT, Axis, AxisOption, LiftedOption, OutOption, RoomOption, takes
+from omni.cli.options import DEFAULT_OUT, Axis, AxisOption, LiftedOption, OutOption, RoomOption, refuse_unused, takes
 from omniwheel.errors import OutputFileError
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 
@@ -32,12 +33,44 @@ if TYPE_CHECKING:
     from omniwheel.experiments import Outcome
     from omniwheel.robot import Robot
 
-app = typer.Typer(
-    help="Measure a control loop's step or frequency response and compare it with the model. The robot moves: leave "
-    "it room, and "
-    "stand by to stop it. It is disarmed at the end, on Ctrl-C and on any error.",
-    no_args_is_help=True,
+    Run = Callable[[Robot, Callable[[str], None]], Outcome]
+
+EXAMPLES = examples(
+    "omni experiment wheel-step --link tcp:127.0.0.1:5760",
+    "omni experiment wheel-chirp --link tcp:127.0.0.1:5760",
+    "omni experiment wheel-chirp --wheel 1 --wheels-up --json",
+    "omni experiment position-step --axis theta --link tcp:127.0.0.1:5760",
+    "omni experiment position-sweep --link tcp:127.0.0.1:5760",
+    "omni experiment disturbance --wheel 2 --link tcp:127.0.0.1:5760",
 )
+
+
+class Name(str, Enum):
+    """The experiments."""
+
+    WHEEL_STEP = "wheel-step"
+    WHEEL_CHIRP = "wheel-chirp"
+    POSITION_STEP = "position-step"
+    POSITION_SWEEP = "position-sweep"
+    DISTURBANCE = "disturbance"
+
+
+OPTIONS: Mapping[Name, frozenset[str]] = {
+    Name.WHEEL_STEP: frozenset({"wheel", "speed"}),
+    Name.WHEEL_CHIRP: frozenset({"wheel", "speed", "highest_hz"}),
+    Name.POSITION_STEP: frozenset({"axis"}),
+    Name.POSITION_SWEEP: frozenset({"axis", "highest_hz"}),
+    Name.DISTURBANCE: frozenset({"wheel"}),
+}
+"""The options that each experiment has besides those of all."""
+TIMES_S = {
+    Name.WHEEL_STEP: 0.5,
+    Name.WHEEL_CHIRP: 2.5,
+    Name.POSITION_STEP: 1.0,
+    Name.POSITION_SWEEP: 12.0,
+    Name.DISTURBANCE: 0.1,
+}
+"""Default duration of each experiment's signal [s]."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +85,16 @@ class _Wanted:
     json_wanted: JsonOption = False
 
 
-WheelOption = Annotated[int, typer.Option("--wheel", min=0, max=4, help="Wheel number, from 1; 0: all wheels.")]
+WheelOption = Annotated[
+    int | None,
+    typer.Option(
+        "--wheel",
+        min=0,
+        max=4,
+        help="Wheel number, from 1; 0: all wheels. \\[default: 1 for disturbance, otherwise all]",
+        show_default=False,
+    ),
+]
 SpeedOption = Annotated[
     float | None,
     typer.Option(
@@ -72,7 +114,17 @@ AmplitudeOption = Annotated[
         show_default=False,
     ),
 ]
-TimeOption = Annotated[float, typer.Option("--time", min=0.05, max=120.0, metavar="S", help="Duration of the signal.")]
+TimeOption = Annotated[
+    float | None,
+    typer.Option(
+        "--time",
+        min=0.05,
+        max=120.0,
+        metavar="S",
+        help="Duration of the signal. \\[default: by experiment]",
+        show_default=False,
+    ),
+]
 HighestOption = Annotated[
     float | None,
     typer.Option(
@@ -86,115 +138,74 @@ HighestOption = Annotated[
 ]
 
 
-@app.command("wheel-step", epilog=examples("omni experiment wheel-step --link tcp:127.0.0.1:5760"))
 @takes(_Wanted)
-def wheel_step(
-    wheel: WheelOption = 0,
+def experiment(
+    ctx: typer.Context,
+    name: Annotated[Name, typer.Argument(metavar="EXPERIMENT", help="What to measure.", show_default=False)],
+    wheel: WheelOption = None,
     speed: SpeedOption = None,
-    amplitude: AmplitudeOption = None,
-    time_s: TimeOption = 0.5,
-    *,
-    wanted: _Wanted,
-) -> None:
-    """Step the speed setpoint of the wheels while they turn: rise time, overshoot, settling, noise.
-
-    The step is made on the robot, so nothing ramps it. Defaults of speed and amplitude follow from the robot's
-    limits.
-    """
-    from omniwheel.experiments import WheelPlan
-    from omniwheel.experiments import wheel_step as run
-
-    plan = WheelPlan(wheel, _number(speed), _number(amplitude), time_s, on_stand=wanted.lifted)
-    _experiment("wheel-step", wanted, lambda robot, tell: run(robot, plan, wanted.room_m, tell))
-
-
-@app.command(
-    "wheel-chirp",
-    epilog=examples(
-        "omni experiment wheel-chirp --link tcp:127.0.0.1:5760",
-        "omni experiment wheel-chirp --wheel 1 --wheels-up --json",
-    ),
-)
-@takes(_Wanted)
-def wheel_chirp(
-    wheel: WheelOption = 0,
-    speed: SpeedOption = None,
-    amplitude: AmplitudeOption = None,
-    time_s: TimeOption = 2.5,
-    highest_hz: HighestOption = None,
-    *,
-    wanted: _Wanted,
-) -> None:
-    """Sweep the speed setpoint of the wheels: bandwidth, margins, delay and coherence of their loops.
-
-    Each number is shown beside the model's prediction from the robot's parameters.
-    """
-    from omniwheel.experiments import LOWEST_HZ, WheelPlan
-    from omniwheel.experiments import wheel_chirp as run
-
-    top_hz = highest_hz or 0.0
-    low_hz = LOWEST_HZ if top_hz else 0.0
-    plan = WheelPlan(wheel, _number(speed), _number(amplitude), time_s, low_hz, top_hz, wanted.lifted)
-    _experiment("wheel-chirp", wanted, lambda robot, tell: run(robot, plan, wanted.room_m, tell))
-
-
-@app.command("position-step", epilog=examples("omni experiment position-step --axis theta --link tcp:127.0.0.1:5760"))
-@takes(_Wanted)
-def position_step(
-    axis: AxisOption = Axis.X, amplitude: AmplitudeOption = None, time_s: TimeOption = 1.0, *, wanted: _Wanted
-) -> None:
-    """Step the pose setpoint while the robot holds its pose, without velocity limits: rise time, overshoot, settling.
-
-    The default amplitude keeps the sliding mode in its linear range.
-    """
-    from omniwheel.experiments import PositionPlan
-    from omniwheel.experiments import position_step as run
-
-    plan = PositionPlan(axis.value, _number(amplitude), time_s)
-    _experiment("position-step", wanted, lambda robot, tell: run(robot, plan, wanted.room_m, tell))
-
-
-@app.command("position-sweep", epilog=examples("omni experiment position-sweep --link tcp:127.0.0.1:5760"))
-@takes(_Wanted)
-def position_sweep(
     axis: AxisOption = Axis.X,
     amplitude: AmplitudeOption = None,
-    time_s: TimeOption = 12.0,
+    time_s: TimeOption = None,
     highest_hz: HighestOption = None,
     *,
     wanted: _Wanted,
 ) -> None:
-    """Sweep the pose setpoint: bandwidth, margins and coherence of the position loop.
+    """Measure a control loop's step or frequency response and compare it with the model from the robot's parameters.
 
-    Each number is shown beside the model's prediction from the robot's parameters.
+    The robot moves: leave it room, and stand by to stop it. It is disarmed at the end, on Ctrl-C and on any error.
+    Default sizes follow from the robot's limits.
+
+    wheel-step: step the speed setpoint of the wheels while they turn. Rise time, overshoot, settling, noise. The step
+    is made on the robot, so nothing ramps it.
+
+    wheel-chirp: sweep the speed setpoint of the wheels. Bandwidth, margins, delay and coherence of their loops.
+
+    position-step: step the pose setpoint while the robot holds its pose, without velocity limits. Rise time,
+    overshoot, settling. The default amplitude keeps the sliding mode in its linear range.
+
+    position-sweep: sweep the pose setpoint. Bandwidth, margins and coherence of the position loop.
+
+    disturbance: add a voltage to one wheel while the robot holds its pose. Largest deviation, and recovery.
     """
-    from omniwheel.experiments import PositionPlan
-    from omniwheel.experiments import position_sweep as run
+    refuse_unused(ctx, name.value, OPTIONS[name], frozenset().union(*OPTIONS.values()))
+    size, time_s = _number(amplitude), time_s or TIMES_S[name]
+    run = _planned(name, wheel, _number(speed), axis, size, time_s, highest_hz or 0.0, wanted)
+    _experiment(name.value, wanted, run)
+
+
+def _planned(
+    name: Name,
+    wheel: int | None,
+    speed: float,
+    axis: Axis,
+    size: float,
+    time_s: float,
+    top_hz: float,
+    wanted: _Wanted,
+) -> Run:
+    """Return the experiment with its plan, to be called with a robot and with what takes its messages."""
+    from omniwheel import experiments as library
     from omniwheel.experiments.position import LOWEST_SWEPT_HZ
 
-    top_hz = highest_hz or 0.0
-    plan = PositionPlan(axis.value, _number(amplitude), time_s, LOWEST_SWEPT_HZ if top_hz else 0.0, top_hz)
-    _experiment("position-sweep", wanted, lambda robot, tell: run(robot, plan, wanted.room_m, tell))
-
-
-@app.command("disturbance", epilog=examples("omni experiment disturbance --wheel 2 --link tcp:127.0.0.1:5760"))
-@takes(_Wanted)
-def disturbance(
-    wheel: WheelOption = 1, amplitude: AmplitudeOption = None, time_s: TimeOption = 0.1, *, wanted: _Wanted
-) -> None:
-    """Add a voltage to one wheel while the robot holds its pose: largest deviation, and recovery."""
-    from omniwheel.experiments import PushPlan
-    from omniwheel.experiments import disturbance as run
-
-    plan = PushPlan(wheel, _number(amplitude), time_s)
-    _experiment("disturbance", wanted, lambda robot, tell: run(robot, plan, wanted.room_m, tell))
+    if name in (Name.WHEEL_STEP, Name.WHEEL_CHIRP):
+        low_hz = library.LOWEST_HZ if top_hz else 0.0
+        wheels = library.WheelPlan(wheel or 0, speed, size, time_s, low_hz, top_hz, on_stand=wanted.lifted)
+        on_wheels = library.wheel_step if name is Name.WHEEL_STEP else library.wheel_chirp
+        return lambda robot, tell: on_wheels(robot, wheels, wanted.room_m, tell)
+    if name is Name.DISTURBANCE:
+        push = library.PushPlan(1 if wheel is None else wheel, size, time_s)
+        return lambda robot, tell: library.disturbance(robot, push, wanted.room_m, tell)
+    plan = library.PositionPlan(axis.value, size, time_s, LOWEST_SWEPT_HZ if top_hz else 0.0, top_hz)
+    on_pose = library.position_step if name is Name.POSITION_STEP else library.position_sweep
+    return lambda robot, tell: on_pose(robot, plan, wanted.room_m, tell)
 
 
 def _number(value: float | None) -> float:
     return math.nan if value is None else value
 
 
-def _experiment(name: str, wanted: _Wanted, run: Callable[[Robot, Callable[[str], None]], Outcome]) -> None:
+def _experiment(name: str, wanted: _Wanted, run: Run) -> None:
     """Connect, run, and leave a folder with telemetry, parameters, numbers, burst and picture."""
     from omniwheel.drive_log import DriveLog
     from omniwheel.experiments.folder import PICTURE_FILE, write_outcome

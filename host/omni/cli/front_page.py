@@ -7,14 +7,14 @@ rest of this page together.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from omni.cli.command_table import TABLE
+from omni.cli.command_table import Entry
 
 
-def print_front_page(group: Any, ctx: Any) -> None:
-    """Print the usage, the options and the commands in their groups."""
+def print_front_page(group: Any, ctx: Any, entries: Sequence[Entry]) -> None:
+    """Print the usage, the options and the commands (``entries``) in their groups."""
     from rich.console import Console
     from rich.padding import Padding
 
@@ -23,9 +23,9 @@ def print_front_page(group: Any, ctx: Any) -> None:
     console.print(Padding(f"[yellow]Usage:[/] [bold]{_plain(usage)}[/]", 1))
     console.print(Padding(group.help, (0, 1, 1, 1)))
     console.print(_panel("Options", (_option_row(option, ctx) for option in group.get_params(ctx)), width=None))
-    width = max(len(entry.name) for entry in TABLE)
-    for title in dict.fromkeys(entry.group for entry in TABLE):
-        rows = ((f"[bold cyan]{entry.name}[/]", entry.summary) for entry in TABLE if entry.group == title)
+    width = max(len(entry.name) for entry in entries)
+    for title in dict.fromkeys(entry.group for entry in entries):
+        rows = ((f"[bold cyan]{entry.name}[/]", entry.summary) for entry in entries if entry.group == title)
         console.print(_panel(title, rows, width))
 
 

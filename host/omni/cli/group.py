@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 import errno
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from typing import Any
+from typing import Any, ClassVar
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from omni.cli.command_table import TABLE, Entry, load
+from omni.cli.command_table import TABLE, Entry, by_name, load
 from omni.cli.common import BAD_INPUT, FAILED, INTERRUPTED, JSON_WANTED, note, print_json
 from omni.cli.completion import complete_words_unquoted
 from omni.cli.front_page import print_front_page
@@ -22,7 +22,6 @@ from omniwheel.paths import MissingFileError
 from omniwheel.stale_build import HINT, stale_build
 
 _ANYWHERE = ("--signing-key", "--system")
-_ENTRIES = {entry.name: entry for entry in TABLE}
 
 
 class OmniGroup(TyperGroup):
@@ -31,6 +30,7 @@ class OmniGroup(TyperGroup):
     Its commands are those of the table. Help and completion of ``omni`` itself show the table and import none of them.
     """
 
+    entries: ClassVar[Mapping[str, Entry]] = by_name(TABLE)
     _listing = False
 
     def __init__(self, **settings: Any) -> None:
@@ -39,11 +39,11 @@ class OmniGroup(TyperGroup):
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names in the order of the table."""
-        return list(_ENTRIES)
+        return list(self.entries)
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return the command, or what stands for it while the commands are listed."""
-        entry = _ENTRIES.get(cmd_name)
+        entry = self.entries.get(cmd_name)
         if entry is None:
             return None
         return _line_of(entry) if self._listing else load(entry)
@@ -59,7 +59,7 @@ class OmniGroup(TyperGroup):
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help page."""
         with self._lists():
-            print_front_page(self, ctx)
+            print_front_page(self, ctx, list(self.entries.values()))
 
     def shell_complete(self, ctx: Any, incomplete: str) -> Any:
         """Return the commands and options that begin so."""
@@ -101,10 +101,10 @@ class OmniGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command; for one that does not exist suggest the closest name."""
-        if args[0] not in _ENTRIES:
+        if args[0] not in self.entries:
             from omni_schema.errors import did_you_mean
 
-            ctx.fail(f"no such command: {args[0]}{did_you_mean(args[0], _ENTRIES)}")
+            ctx.fail(f"no such command: {args[0]}{did_you_mean(args[0], self.entries)}")
         return super().resolve_command(ctx, args)
 
 

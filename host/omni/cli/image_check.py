@@ -4,9 +4,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from omni.cli.check_image import print_outcome
+from rich.markup import escape
+
+from omni.cli.common import note
 from omniwheel.errors import FlashError, MissingPackageError
+
+if TYPE_CHECKING:
+    from image_check.run import Outcome
 
 
 def check_image(image: Path, robot: str, *, depth: str, without: str = "") -> str:
@@ -26,3 +32,10 @@ def check_image(image: Path, robot: str, *, depth: str, without: str = "") -> st
         hint = "what they say is above" + (f"; {without}, which is for people who know why" if without else "")
         raise FlashError(f"the image fails {len(failed)} of its checks: {', '.join(failed)}", hint=hint)
     return outcome_page(image, robot, depth, 1, outcomes)
+
+
+def print_outcome(outcome: Outcome) -> None:
+    """Print a line about a check that is over."""
+    mark = "[green]✓[/]" if outcome.passed else "[red]✗[/]"
+    text = "; ".join(outcome.figures) if outcome.passed else outcome.failure
+    note(f"{mark} {escape(outcome.name)}: {escape(text)} [dim]({outcome.wall_s:.1f} s)[/]")

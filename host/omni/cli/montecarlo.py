@@ -97,5 +97,5 @@ def _print(outcome: study.Outcome, progress: StudyProgress, folder: str) -> None
     for entry in summary["worst"]:
         figure = FIGURES[summary["worst_by"]]
         value = f"{figure.show(entry[summary['worst_by']])} {figure.unit}".strip()
-        console.print(f"  {value}: omni sim {folder}/{entry['file']}", markup=False, soft_wrap=True)
+        console.print(f"  {value}: omni run --core-only {folder}/{entry['file']}", markup=False, soft_wrap=True)
     print_end(progress, folder)

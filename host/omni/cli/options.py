@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import enum
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import fields
 from functools import wraps
 from pathlib import Path
@@ -169,6 +169,19 @@ def takes(kind: type[Any], **defaults: Any) -> Callable[[Callable[..., None]], C
         return flat
 
     return decorate
+
+
+def refuse_unused(ctx: typer.Context, chosen: str, used: Collection[str], special: Collection[str]) -> None:
+    """Raise BadParameter for an option in the command line that ``chosen`` does not have.
+
+    ``special`` are the options, by the names of their parameters, that only some choices have; ``used`` those of
+    ``chosen``.
+    """
+    for parameter in ctx.command.params:
+        name = parameter.name or ""
+        source = ctx.get_parameter_source(name)
+        if name in special and name not in used and source is not None and source.name == "COMMANDLINE":
+            raise typer.BadParameter(f"{parameter.opts[0]} does not apply to {chosen}: leave it out")
 
 
 def measure_option(least_s: float) -> Any:

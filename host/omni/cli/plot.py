@@ -54,7 +54,7 @@ def plot(
     try:
         summary, samples = load_run(run)
     except (OSError, ValueError, KeyError) as error:
-        hint = "give the folder of a run, as printed by omni demo, hil and sim"
+        hint = "give the folder of a run, as printed by omni run"
         raise RunFolderError(f"{run} is not a run: {error}", hint=hint) from error
     target = run / PICTURE_FILE if out is None else out
     from hil_sim.run_picture import draw_run  # here, not above: matplotlib takes a second to import

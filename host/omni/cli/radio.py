@@ -17,15 +17,13 @@ if TYPE_CHECKING:
     from omniwheel.robot import Robot
     from omniwheel.telemetry import SigningStatus
 
-app = typer.Typer(help="Protect the robot's radio with a key.", no_args_is_help=True)
-key_app = typer.Typer(
-    help="The key that protects the radio. Without a key, any transmitter in range can command the robot. The key is "
-    "set over USB.",
-    no_args_is_help=True,
+EXAMPLES = examples(
+    "omni radio",
+    "omni radio --new-key ~/robot.key",
+    "omni radio --set-key ~/robot.key --link /dev/ttyACM0",
+    "omni radio --remove-key --link /dev/ttyACM0",
+    "omni radio --show-key ~/robot.key",
 )
-app.add_typer(key_app, name="key")
-
-FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="Key file: secret, readable by its owner only.")]
 _STATES = {
     "off": "no key: the radio accepts unsigned messages",
     "on": "key {0}",
@@ -33,61 +31,65 @@ _STATES = {
 }
 
 
-@key_app.command("new", epilog=examples("omni radio key new ~/robot.key"))
-def new(file: FileArgument, as_json: JsonOption = False) -> None:
-    """Make a random key and write it to a new file."""
-    from omniwheel import signing
-
-    key = signing.new_key_file(file)
-    if as_json:
-        print_json({"file": str(file), "fingerprint": signing.fingerprint(key)})
-    else:
-        shown = escape(str(file))
-        console.print(f"key {signing.fingerprint(key)} in {shown}; next: omni radio key set {shown} --link USB-PORT")
-
-
-@key_app.command("set", epilog=examples("omni radio key set ~/robot.key --link /dev/ttyACM0"))
-def set_key(
-    file: FileArgument, link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False
-) -> None:
-    """Store this key in the robot, over USB and while it is disarmed. Its radio then accepts only signed messages."""
-    from omniwheel import signing
-
-    key = signing.read_key_file(file)
-    with open_robot(link, timeout_s=timeout) as robot:
-        robot.setup_signing(key)
-        _print(robot, as_json)
-
-
-@key_app.command("remove", epilog=examples("omni radio key remove --link /dev/ttyACM0"))
-def remove(link: LinkOption = None, timeout: TimeoutOption = DEFAULT_TIMEOUT_S, as_json: JsonOption = False) -> None:
-    """Remove the robot's key, over USB and while it is disarmed. Its radio then accepts unsigned messages."""
-    with open_robot(link, timeout_s=timeout) as robot:
-        robot.setup_signing(None)
-        _print(robot, as_json)
-
-
-@key_app.command("show", epilog=examples("omni radio key show", "omni radio key show --file ~/robot.key"))
-def show(
-    file: Annotated[
-        Path | None, typer.Option("--file", metavar="FILE", help="A key file instead of the robot's.")
+def radio(
+    new_key: Annotated[
+        Path | None,
+        typer.Option(
+            "--new-key",
+            metavar="FILE",
+            help="Make a random key and write it to this new file: secret, readable by its owner only.",
+        ),
+    ] = None,
+    set_key: Annotated[
+        Path | None,
+        typer.Option(
+            "--set-key",
+            metavar="FILE",
+            help="Store this key in the robot. Its radio then accepts only signed messages.",
+        ),
+    ] = None,
+    remove_key: Annotated[
+        bool,
+        typer.Option("--remove-key", help="Remove the robot's key. Its radio then accepts unsigned messages."),
+    ] = False,
+    show_key: Annotated[
+        Path | None, typer.Option("--show-key", metavar="FILE", help="Show the fingerprint of this key file.")
     ] = None,
     link: LinkOption = None,
     timeout: TimeoutOption = DEFAULT_TIMEOUT_S,
     as_json: JsonOption = False,
 ) -> None:
-    """Show the fingerprint of the robot's key and its count of rejected messages, or a key file's fingerprint."""
+    """Show the fingerprint of the robot's key and its count of rejected messages, or change the key.
+
+    Without a key, any transmitter in range can command the robot. The key is set and removed over USB, while the
+    robot is disarmed.
+    """
     from omniwheel import signing
 
-    if file is not None:
-        mark = signing.fingerprint(signing.read_key_file(file))
-        if as_json:
-            print_json({"file": str(file), "fingerprint": mark})
-        else:
-            console.print(f"key {mark}")
+    if sum((new_key is not None, set_key is not None, remove_key, show_key is not None)) > 1:
+        raise typer.BadParameter("--new-key, --set-key, --remove-key and --show-key exclude each other: give one")
+    if new_key is not None:
+        mark, shown = signing.fingerprint(signing.new_key_file(new_key)), escape(str(new_key))
+        _print_file(
+            new_key, mark, f"key {mark} in {shown}; next: omni radio --set-key {shown} --link USB-PORT", as_json
+        )
         return
+    if show_key is not None:
+        mark = signing.fingerprint(signing.read_key_file(show_key))
+        _print_file(show_key, mark, f"key {mark}", as_json)
+        return
+    key = None if set_key is None else signing.read_key_file(set_key)
     with open_robot(link, timeout_s=timeout) as robot:
+        if key is not None or remove_key:
+            robot.setup_signing(key)
         _print(robot, as_json)
+
+
+def _print_file(file: Path, mark: str, sentence: str, as_json: bool) -> None:
+    if as_json:
+        print_json({"file": str(file), "fingerprint": mark})
+    else:
+        console.print(sentence)
 
 
 def _print(robot: Robot, as_json: bool) -> None:

@@ -64,10 +64,29 @@ def print_robots(as_json: JsonOption = False) -> None:
     console.print(table)
 
 
-@app.command("show", epilog=examples("omni robots show three_wheel", "omni robots show mine.toml --json"))
-def show(name: RobotArgument, as_json: JsonOption = False) -> None:
+@app.command(
+    "show",
+    epilog=examples(
+        "omni robots show three_wheel", "omni robots show mine.toml --json", "omni robots show mine.toml --params"
+    ),
+)
+def show(
+    name: RobotArgument,
+    all_params: Annotated[
+        bool,
+        typer.Option(
+            "--params",
+            help="Print all parameters that follow from the file, as NAME=VALUE lines for omni-firmware --params. "
+            "Enums and switches are numbers; units are SI.",
+        ),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """Show a robot file and the parameters that it sets."""
     robot = read_robot(name)
+    if all_params:
+        _print_params(robot, as_json)
+        return
     if as_json:
         print_json({**_summary(robot), "parameters": robot.parameter_values(), "simulation": dict(robot.simulation)})
         return
@@ -81,13 +100,7 @@ def show(name: RobotArgument, as_json: JsonOption = False) -> None:
     console.print(table)
 
 
-@app.command("params", epilog=examples("omni robots params three_wheel", "omni robots params mine.toml --json"))
-def params(name: RobotArgument, as_json: JsonOption = False) -> None:
-    """Print all parameters that follow from a robot file, in the format of omni-firmware --params.
-
-    Enums and switches are numbers; units are SI (docs/reference, Parameters).
-    """
-    robot = read_robot(name)
+def _print_params(robot: Robot, as_json: bool) -> None:
     values = robot.parameter_values()
     if as_json:
         print_json({"name": robot.name, "parameters": {key: shortest(value) for key, value in values.items()}})
@@ -182,7 +195,7 @@ def _not_simulated(robot: Robot) -> list[str]:
     try:
         World(world_config(robot))
     except WorldError as error:
-        return [f"It cannot be simulated: {error}. For omni sim, sitl and hil {error.hint or 'correct it'}."]
+        return [f"It cannot be simulated: {error}. For omni run and omni sitl {error.hint or 'correct it'}."]
     return []
 
 

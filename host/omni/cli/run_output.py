@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from functools import partial
+from enum import Enum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -32,25 +32,40 @@ if TYPE_CHECKING:
     from hil_sim.runs import Run
     from hil_sim.scenario import Scenario
 
+
 ScenarioArgument = Annotated[
     str,
     typer.Argument(
         metavar="SCENARIO",
-        help="A scenario of the package, or a .toml file. demo drives the slow robot, three_wheel; fast drives "
-        "fast_three_wheel, as `omni demo` does.",
+        help="A scenario of the package, or a .toml file.",
         show_default=True,
         autocompletion=completion.scenarios,
     ),
 ]
-EmulatedOption = Annotated[
-    bool, typer.Option("--emulated", help="Run the firmware on an emulated Cortex-M7 instead of as a process.")
+
+
+class Board(str, Enum):
+    """A board that is emulated."""
+
+    CORTEX_M7 = "cortex-m7"
+    TEENSY = "teensy"
+
+
+BoardOption = Annotated[
+    Board | None,
+    typer.Option(
+        "--board",
+        help="Run the firmware on this emulated board: a Cortex-M7 (QEMU), or a Teensy 4.0 with --image. "
+        "\\[default: as a process on this computer]",
+        show_default=False,
+    ),
 ]
 ImageOption = Annotated[
     Path | None,
     typer.Option(
         "--image",
         metavar="FILE",
-        help="Run this image for a Teensy (.elf or .hex, by `make firmware`), emulated.",
+        help="Run this image for a Teensy (.elf or .hex, by `make firmware`) on an emulated one.",
     ),
 ]
 SeedOption = Annotated[int | None, seed_option("Seed of the world. \\[default: the scenario's]")]
@@ -138,6 +153,16 @@ class RunFolderError(OmniError):
     exit_code = 2
 
 
+def is_emulated(board: Board | None, image: Path | None) -> bool:
+    """Return whether the firmware is built for the emulated Cortex-M7; BadParameter if board and image do not fit."""
+    if board is Board.CORTEX_M7 and image is not None:
+        raise typer.BadParameter("--image is for a Teensy: leave out --board cortex-m7")
+    if board is Board.TEENSY and image is None:
+        hint = "`make firmware` links .pio/build/three_wheel/firmware.elf"
+        raise typer.BadParameter(f"--board teensy needs the image to run: add --image FILE; {hint}")
+    return board is Board.CORTEX_M7
+
+
 def world_of(place: str | None, scenario: Scenario, quiet: bool) -> ExternalWorld | None:
     """Make the world that --world names, and say what it leaves out of the scenario; None without the option."""
     from hil_sim.external import load_world
@@ -152,7 +177,7 @@ def world_of(place: str | None, scenario: Scenario, quiet: bool) -> ExternalWorl
 
 def scenario_help() -> str:
     """Return the line that names the scenarios of the package."""
-    return f"Scenarios: {', '.join(completion.scenario_names())}. `omni hil --list` describes them."
+    return f"Scenarios: {', '.join(completion.scenario_names())}. `omni run --list` describes them."
 
 
 def print_scenarios(as_json: bool) -> None:
@@ -298,14 +323,6 @@ def store(
         print_json({**summary, "folder": str(folder)})
 
 
-def store_and_print(run: Run, folder: Path, *, as_json: bool, trouble: OmniError | None = None) -> None:
-    """Summarise a run, store it and print its table. Raises OutputFileError, or ``trouble`` afterwards."""
-    from hil_sim.summary import summarize
-
-    summary = summarize(run)
-    store(run, summary, folder, partial(print_run, summary, folder), as_json=as_json, trouble=trouble)
-
-
 def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures | None]]) -> Table:
     """Return a table of accuracy and effort; per column a heading, an ``rmse`` and perhaps an ``effort``."""
     table = Table(title=title, title_style="bold", title_justify="left", box=box.SIMPLE_HEAD)
@@ -333,18 +350,25 @@ def comparison_table(title: str, columns: Sequence[tuple[str, Figures, Figures |
     return table
 
 
-def print_run(summary: Figures, folder: Path) -> None:
-    """Print a run's table and what else is worth knowing."""
+def print_run(summary: Figures, folder: Path, compared: Mapping[str, str]) -> None:
+    """Print a run's table and what else is worth knowing; ``compared`` has the heading of each compared scenario."""
     columns: list[tuple[str, Figures, Figures | None]] = []
     change = summary["change"]
     if change is not None:
         columns += [("before", change["rmse_before"], None), ("after", change["rmse_after"], None)]
-    columns.append(("whole path", summary["rmse"], summary["effort"]))
+    columns.append(("all", summary["rmse"], summary["effort"]))
+    comparison = summary.get("comparison", {})
+    columns += [(compared[name], entry["rmse"], entry["effort"]) for name, entry in comparison.items()]
     external = summary["world"].get("external")
     where = f" (world {external})" if external else ""
     console.print(comparison_table(f"{summary['scenario']}{where}: {summary['description']}", columns))
+    for name, entry in comparison.items():
+        console.print(f"{compared[name]}: {entry['description']}", markup=False)
+        if not entry["completed"]:
+            console.print(f"[yellow]{name}: stopped before the end ({', '.join(entry['faults'])})[/]")
     print_facts(summary)
-    console.print(f"\n[bold]{escape(str(folder))}[/]")
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    console.print(f"\n[bold]{escape(str(folder))}[/]: {escape(files)}")
 
 
 def print_facts(summary: Figures) -> None:

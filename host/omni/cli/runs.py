@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -19,28 +20,72 @@ from omniwheel.robots import parameter_table
 if TYPE_CHECKING:
     from omniwheel.drive_log.listing import RunEntry
 
-app = typer.Typer(help="List, compare, name and delete the folders of drives and runs.", invoke_without_command=True)
+EXAMPLES = examples(
+    "omni runs",
+    "omni runs --find rose",
+    "omni runs demo-seed1 demo-seed1-2            # beside each other",
+    "omni runs drive-pose-2 --rename new-wheels",
+    "omni runs drive-pose-2 --delete",
+)
 
-FolderOption = Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the runs.")]
-RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="A run's name, or its folder.")]
 DEFAULT_FOLDER = Path("runs")
 
 
-@app.callback(epilog=examples("omni runs", "omni runs --find rose", "omni runs compare demo-seed1 demo-seed1-2"))
 def runs(
-    ctx: typer.Context,
+    one: Annotated[
+        str | None, typer.Argument(metavar="[RUN]", help="A run's name, or its folder.", show_default=False)
+    ] = None,
+    other: Annotated[
+        str | None, typer.Argument(metavar="[OTHER]", help="A run to compare it with.", show_default=False)
+    ] = None,
     find: Annotated[
         str, typer.Option("--find", metavar="TEXT", help="Show only runs with this text in their name or command.")
     ] = "",
-    folder: FolderOption = DEFAULT_FOLDER,
+    new_name: Annotated[
+        str | None, typer.Option("--rename", metavar="NAME", help="Rename the run.", show_default=False)
+    ] = None,
+    deleted: Annotated[bool, typer.Option("--delete", help="Delete the run with all its files.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", "-y", help="Delete without confirmation.")] = False,
+    folder: Annotated[Path, typer.Option("--folder", metavar="DIR", help="Folder of the runs.")] = DEFAULT_FOLDER,
     as_json: JsonOption = False,
 ) -> None:
-    """List the runs in a folder, oldest first, or work with them."""
-    from omniwheel.drive_log.listing import headline, list_runs
+    """List the folders that drives and runs have left, oldest first, or show one of them.
 
-    if ctx.invoked_subcommand is not None:
-        return
-    entries = list_runs(folder, find)
+    With two runs: show them beside each other, with the parameters that differ.
+    """
+    from omniwheel.drive_log.listing import find_run, list_runs
+
+    _refuse_mixed(one, other, find, new_name, deleted=deleted, yes=yes)
+    entry = None if one is None else find_run(folder, one)
+    if entry is None:
+        _list(list_runs(folder, find), folder, as_json)
+    elif other is not None:
+        _compare(entry, find_run(folder, other), as_json)
+    elif new_name is not None:
+        _rename(entry, new_name, as_json)
+    elif deleted:
+        _delete(entry, yes, as_json)
+    else:
+        _list([entry], folder, as_json)
+
+
+def _refuse_mixed(
+    one: str | None, other: str | None, find: str, new_name: str | None, *, deleted: bool, yes: bool
+) -> None:
+    """Raise BadParameter for options that do not belong together."""
+    if one is None and (new_name is not None or deleted):
+        raise typer.BadParameter("which run? Give its name; `omni runs` lists them")
+    if sum((other is not None, new_name is not None, deleted)) > 1:
+        raise typer.BadParameter("a second run, --rename and --delete exclude each other: give one of them")
+    if one is not None and find:
+        raise typer.BadParameter("--find is for the list: leave out the run, or --find")
+    if yes and not deleted:
+        raise typer.BadParameter("--yes is for --delete: leave it out")
+
+
+def _list(entries: Sequence[RunEntry], folder: Path, as_json: bool) -> None:
+    from omniwheel.drive_log.listing import headline
+
     if as_json:
         print_json({"runs": [_document(entry) for entry in entries]})
         return
@@ -58,14 +103,9 @@ def _document(entry: RunEntry) -> dict[str, Any]:
     return {**asdict(entry), "folder": str(entry.folder), "name": entry.name}
 
 
-@app.command("compare", epilog=examples("omni runs compare drive-pose drive-pose-2"))
-def compare_runs(
-    one: RunArgument, other: RunArgument, folder: FolderOption = DEFAULT_FOLDER, as_json: JsonOption = False
-) -> None:
-    """Show two runs beside each other, with the parameters that differ."""
-    from omniwheel.drive_log.listing import cell, compare, different_parameters, find_run
+def _compare(first: RunEntry, second: RunEntry, as_json: bool) -> None:
+    from omniwheel.drive_log.listing import cell, compare, different_parameters
 
-    first, second = find_run(folder, one), find_run(folder, other)
     rows, parameters = compare(first, second), different_parameters(first, second)
     if as_json:
         numbers = {title: [a, b] for title, a, b in rows}
@@ -84,34 +124,19 @@ def compare_runs(
     console.print(table)
 
 
-@app.command("name", epilog=examples("omni runs name drive-pose-2 new-wheels"))
-def name_run(
-    run: RunArgument,
-    name: Annotated[str, typer.Argument(help="Its new name.")],
-    folder: FolderOption = DEFAULT_FOLDER,
-    as_json: JsonOption = False,
-) -> None:
-    """Rename a run."""
-    from omniwheel.drive_log.listing import find_run, rename_run
+def _rename(entry: RunEntry, name: str, as_json: bool) -> None:
+    from omniwheel.drive_log.listing import rename_run
 
-    target = rename_run(find_run(folder, run), name)
+    target = rename_run(entry, name)
     if as_json:
         print_json({"folder": str(target)})
     else:
         console.print(escape(str(target)), soft_wrap=True)
 
 
-@app.command("delete", epilog=examples("omni runs delete drive-pose-2", "omni runs delete drive-pose --yes"))
-def delete(
-    run: RunArgument,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Delete without confirmation.")] = False,
-    folder: FolderOption = DEFAULT_FOLDER,
-    as_json: JsonOption = False,
-) -> None:
-    """Delete a run with all its files."""
-    from omniwheel.drive_log.listing import delete_run, find_run
+def _delete(entry: RunEntry, yes: bool, as_json: bool) -> None:
+    from omniwheel.drive_log.listing import delete_run
 
-    entry = find_run(folder, run)
     if not yes and not typer.confirm(f"delete {entry.folder} ({entry.asked})?", err=True):
         raise typer.Exit(1)
     delete_run(entry)

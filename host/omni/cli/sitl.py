@@ -19,7 +19,15 @@ from rich.markup import escape
 from omni.cli import completion
 from omni.cli.common import JsonOption, console, error_console, examples, print_json, signals_interrupt
 from omni.cli.options import HostOption, ListenPortOption, LossOption, RadioOption
-from omni.cli.run_output import RobotOption, SeedOption, WorldOption, world_of
+from omni.cli.run_output import (
+    BoardOption,
+    ImageOption,
+    RobotOption,
+    SeedOption,
+    WorldOption,
+    is_emulated,
+    world_of,
+)
 from omniwheel.errors import FirmwareEndedError
 
 if TYPE_CHECKING:
@@ -38,10 +46,14 @@ EXAMPLES = examples(
     'omni sitl --commands                    # type lines like {"fault": "ice", "on": true} while it runs',
     "omni sitl fault_battery_sag             # another scenario's world and faults",
     "omni sitl --world mujoco                # MuJoCo in the place of our world",
-    "omni sitl --no-world                    # the firmware alone, for a simulator of your own",
+    "omni sitl --board cortex-m7             # the firmware on an emulated Cortex-M7",
+    "omni sitl --image firmware.elf          # the very image that is flashed, on an emulated Teensy 4.0",
+    "omni sitl --image firmware.elf --link usb=pty:/tmp/teensy --link uart=tcp:127.0.0.1:5761",
+    "omni sitl --no-world --lockstep         # the firmware alone, for a simulator of your own",
     "mavproxy.py --master=tcp:127.0.0.1:5760 --mav20",
 )
 POLL_S = 0.1
+_STANDING = "No world: the wheels stand still, or an external simulator moves them"
 _PROFILES = (9600, 57600, 115200)
 
 ScenarioNameArgument = Annotated[
@@ -85,6 +97,8 @@ def sitl(
     scenario_name: ScenarioNameArgument = "sitl",
     robot: RobotOption = None,
     world_robot: WorldRobotOption = None,
+    board: BoardOption = None,
+    image: ImageOption = None,
     port: ListenPortOption = 5760,
     host: HostOption = "127.0.0.1",
     link: LinksOption = None,
@@ -98,38 +112,62 @@ def sitl(
     end_with_stdin: EndWithStdinOption = False,
     commands: CommandsOption = False,
     world: WorldOption = None,
-    no_world: Annotated[
+    no_world: Annotated[bool, typer.Option("--no-world", help="The firmware alone; its wheels stand still.")] = False,
+    lockstep: Annotated[
         bool,
-        typer.Option("--no-world", help="The firmware alone: it waits for the sensors of your simulator, in lockstep."),
+        typer.Option(
+            "--lockstep",
+            help="With --no-world: time stands still until your simulator sends sensor values (OMNI_HIL_SENSORS).",
+        ),
     ] = False,
     json_wanted: JsonOption = False,
 ) -> None:
-    """Run the firmware as a process in a simulated world, in real time, until Ctrl-C: connect to it as to a robot.
+    """Run the firmware in a simulated world, in real time, until Ctrl-C: connect to it as to a robot.
+
+    The firmware is a process on this computer. With --board cortex-m7 it runs on an emulated Cortex-M7 (QEMU); with
+    --image it is the file that is flashed, on an emulated Teensy (Unicorn), the world is at its pins, and its own
+    parameters hold. The image's links are the Teensy's connectors: usb=LINK (also without a name) and uart=LINK.
 
     A TCP port serves one client at a time; give --link more than once for several.
 
     With --commands you break and mend things while it runs; docs/guides/studio.md lists them. A line that is no
     command is answered on standard error and changes nothing.
 
-    With --no-world, time stands still until something sends OMNI_HIL_SENSORS: docs/guides/external-worlds.md.
+    For a simulator of your own (--no-world --lockstep): docs/guides/external-worlds.md.
     """
     from hil_sim.scenario import load_scenario
     from hil_sim.sitl import start_sitl
     from omniwheel.radio_model import RadioSettings
 
+    emulated = is_emulated(board, image)
     if no_world:
-        _refuse_world(world, world_robot, radio, commands)
+        _refuse(
+            "--no-world runs the firmware alone", world=world, world_robot=world_robot, radio=radio, commands=commands
+        )
+    elif lockstep:
+        raise typer.BadParameter("--lockstep needs --no-world: otherwise the simulated world clocks the ticks")
+    if image is not None:
+        _refuse("the world around an image cannot be changed", world=world, radio=radio, commands=commands)
+    if emulated:
+        _refuse("the emulated board has no radio", radio=radio)
     simulated = _simulated_radio(radio, RadioSettings(radio or 0, loss, latency), host, seed or 1, link)
     scenario = load_scenario(scenario_name, robot, world_robot).with_seed(seed)
     links = link or [f"tcp:{host}:{port}"]
-    if no_world:
-        _alone(scenario, links, storage, end_with_stdin, json_wanted)
-        return
-    external = world_of(world, scenario, json_wanted)
     try:
-        started = start_sitl(scenario, links, storage=storage, radio=simulated, world=external)
-        with signals_interrupt(), started as running:
-            serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
+        with signals_interrupt():
+            if no_world or image is not None:
+                if end_with_stdin:
+                    read_input(None, True)
+                around = None if no_world else scenario_name
+                firmware = _firmware_alone(emulated, image, scenario, links, storage, lockstep, around, world_robot)
+                with firmware:
+                    what = _STANDING if no_world else scenario.description
+                    announce(firmware.urls, scenario.robot.name, what, json_wanted)
+                    wait_for_end(firmware)
+            external = world_of(world, scenario, json_wanted)
+            started = start_sitl(scenario, links, storage=storage, radio=simulated, world=external, emulated=emulated)
+            with started as running:
+                serve_world(running, scenario, json_wanted, commands=commands, end_with_stdin=end_with_stdin)
     except KeyboardInterrupt:
         return
 
@@ -159,32 +197,42 @@ def read_input(commands: Commands | None, end_with_it: bool) -> None:
     threading.Thread(target=_read_input, args=(commands, end_with_it), daemon=True).start()
 
 
-def _refuse_world(world: str | None, world_robot: str | None, radio: int | None, commands: bool) -> None:
-    if world is not None or world_robot is not None or radio is not None or commands:
-        raise typer.BadParameter(
-            "--no-world runs the firmware alone: leave out --world, --world-robot, --radio or --commands"
-        )
+def _refuse(reason: str, **options: object) -> None:
+    """Raise BadParameter with the reason if one of the options is given; their names as in Python."""
+    given = [f"--{name.replace('_', '-')}" for name, value in options.items() if value not in (None, False)]
+    if given:
+        raise typer.BadParameter(f"{reason}: leave out {' and '.join(given)}")
 
 
-def _alone(
-    scenario: Scenario, links: Sequence[str], storage: Path | None, end_with_stdin: bool, json_wanted: bool
-) -> None:
-    """Run the firmware in lockstep until Ctrl-C, or until it ends."""
+def _firmware_alone(
+    emulated: bool,
+    image: Path | None,
+    scenario: Scenario,
+    links: Sequence[str],
+    storage: Path | None,
+    lockstep: bool,
+    around: str | None,
+    world_robot: str | None,
+) -> FirmwareChild:
+    """Return a firmware that runs by itself: without a world, or an image with the scenario ``around`` at its pins."""
+    from hil_sim.image_firmware import ImageFirmware
+    from omniwheel.emulated_firmware import EmulatedFirmware
     from omniwheel.firmware_process import FirmwareProcess
 
-    values = scenario.parameter_values()
-    robot = scenario.robot
-    try:
-        with (
-            signals_interrupt(),
-            FirmwareProcess(robot.source, links=links, lockstep=True, storage=storage, parameters=values) as firmware,
-        ):
-            announce(firmware.urls, robot.name, "No world: it ticks on your simulator's sensors", json_wanted)
-            if end_with_stdin:
-                read_input(None, True)
-            wait_for_end(firmware)
-    except KeyboardInterrupt:
-        return
+    robot, values = scenario.robot.source, scenario.parameter_values()
+    if image is not None:
+        return ImageFirmware(
+            image,
+            robot,
+            links=links,
+            lockstep=lockstep,
+            storage=storage,
+            scenario=around,
+            world_robot=world_robot,
+            seed=scenario.seed,
+        )
+    kind = EmulatedFirmware if emulated else FirmwareProcess
+    return kind(robot, links=links, lockstep=lockstep, storage=storage, parameters=values)
 
 
 def wait_for_end(firmware: FirmwareChild) -> NoReturn:

@@ -81,7 +81,12 @@ class _Wanted:
 
     kinds: Annotated[
         list[Kind] | None,
-        typer.Option("--experiment", "-e", help="Experiment to run; repeatable. Default: step.", show_default=False),
+        typer.Option(
+            "--experiment",
+            "-e",
+            help="Experiment to run; repeatable. Default: what shows the changed parameters.",
+            show_default=False,
+        ),
     ] = None
     axis: AxisOption = Axis.X
     size: Annotated[
@@ -135,8 +140,9 @@ def tune(
 ) -> None:
     """Drive an experiment with the present gains and with others, compare, and keep the new ones or go back.
 
-    The default experiment is a step of the wanted pose, within the robot's limits. It hardly shows what a gain does;
-    those of `omni experiment` do. All sets get the same signal. With several rounds the sets take turns, and each
+    The default experiment is the one that shows what the changed parameters do: a step of the wheels' speed for WS_*,
+    a step of the pose without limits for the gains of a pose controller, and otherwise a step of the pose within the
+    robot's limits. All sets get the same signal. With several rounds the sets take turns, and each
     difference is given with an interval, or is inside the noise. Without --keep or --revert you are asked; where nobody
     can answer, the robot goes back.
 
@@ -147,7 +153,7 @@ def tune(
     if out.suffix.lower() == ".png":
         raise typer.BadParameter(f"--out is a folder: write --plot {out} for a picture")
     target = None if plot is None else redrawn_path(plot, "the picture")
-    run = _Run(wanted_sets, _series(wanted, json_wanted), rounds, keep, store, json_wanted)
+    run = _Run(wanted_sets, _series(wanted, wanted_sets, json_wanted), rounds, keep, store, json_wanted)
     trouble: OutputFileError | None = None
     try:
         run.drive(link, timeout_s, why, out, target)
@@ -268,11 +274,14 @@ def _wanted_sets(
     return sets
 
 
-def _series(wanted: _Wanted, quiet: bool) -> Series:
+def _series(wanted: _Wanted, sets: list[dict[str, float | str]], quiet: bool) -> Series:
     """Return what the robot is to do with each set."""
-    from omniwheel.experiments.repeated import Loop, Repeated, Series, Signal, Step, Trajectory
+    from omniwheel.experiments.repeated import Loop, Repeated, Series, Signal, Step, Trajectory, experiments_for
+    from omniwheel.robots import parameter_table
 
-    kinds = list(dict.fromkeys(wanted.kinds or [Kind.STEP]))
+    names = [name for values in sets for name in values]
+    shown = [Kind(name) for name in experiments_for(names, parameter_table())]
+    kinds = list(dict.fromkeys(wanted.kinds or shown or [Kind.STEP]))
     if len(kinds) > 1 and (wanted.size is not None or wanted.duration_s is not None):
         raise typer.BadParameter("--size and --duration belong to one experiment: give them with a single -e")
     if Kind.STEP in kinds and wanted.size is not None and not 0.0 < abs(wanted.size) <= LARGEST_STEP:

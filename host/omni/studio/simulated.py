@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A simulated robot for the page: ``omni sitl`` or ``omni emulate`` as a child process, and what is broken there."""
+"""A simulated robot for the page: ``omni sitl`` as a child process, and what is broken there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from omni.studio.actions import BadRequestError
-from omni.studio.processors import IMAGE, PC, SHORT
+from omni.studio.processors import EMULATED, IMAGE, PC, SHORT
 from omniwheel.errors import FirmwareStartError, LinkError
 
 _END_S = 5.0
@@ -34,10 +34,11 @@ class Simulation:
 
     def command(self) -> list[str]:
         """Return the command line, without the interpreter."""
-        words = ["sitl" if self.processor == PC else "emulate", self.scenario, "--port", "0", "--json"]
+        words = ["sitl", self.scenario, "--port", "0", "--json"]
         words += ["--seed", str(self.seed), "--end-with-stdin"]  # it ends with this program, however that ends
         words += [] if self.processor == IMAGE else ["--commands"]
         words += ["--image", self.image] if self.processor == IMAGE else []
+        words += ["--board", "cortex-m7"] if self.processor == EMULATED else []
         return words + (["--robot", self.robot] if self.robot else [])
 
     def __str__(self) -> str:

@@ -10,11 +10,12 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import Any
 
+from omni_schema import ParameterTable
 from omniwheel.experiments.outcome import Outcome
 from omniwheel.experiments.position import (
     PositionPlan,
@@ -82,6 +83,11 @@ class Try:
 
     seen: Mapping[str, Trace | Outcome]
     figures: Mapping[str, float]
+
+
+def experiments_for(names: Iterable[str], table: ParameterTable) -> list[str]:
+    """Return the experiments that show what these parameters do, each once; parameters that do not exist name none."""
+    return list(dict.fromkeys(table[name].experiment for name in names if name in table))
 
 
 class Repeated(ABC):

@@ -32,6 +32,18 @@ MAX_NAME_LENGTH = 16
 
 KINDS = ("real", "int", "bool", "enum")
 
+STEP = "step"
+EXPERIMENTS = (
+    STEP,
+    "trajectory",
+    "wheel-step",
+    "wheel-chirp",
+    "position-step",
+    "position-sweep",
+    "disturbance",
+)
+"""The experiments of ``omni tune``; a parameter names the one that shows what it does."""
+
 _NAME = re.compile(r"[A-Z][A-Z0-9_]*")
 _VALUE_NAME = re.compile(r"[a-z][a-z0-9_]*")
 RETIRED = "retired"
@@ -41,7 +53,7 @@ _REQUIRED_KEYS = ("kind", "unit", "min", "max", "default", "doc")
 _RANGE_KEYS = ("min", "max")
 """Not needed where ``values`` are given: these are the range then."""
 
-_OPTIONAL_KEYS = ("values", "modules", "lock", "per_wheel", "robot_key")
+_OPTIONAL_KEYS = ("values", "modules", "lock", "per_wheel", "robot_key", "experiment")
 _EXACT_FLOAT32_INTEGER = 2**24
 
 
@@ -62,8 +74,8 @@ class Parameter:
 
     ``minimum``, ``maximum`` and ``default`` are in ``unit`` and rounded to float32, because the robot compares in
     float32. ``wheel`` is the 0-based wheel (or link) of a parameter that exists once per wheel, else None.
-    ``modules``: the values of an enum may be rows of a table in the core; these modules, each with a header, come
-    with them.
+    ``experiment``: the one of EXPERIMENTS that shows what a change does. ``modules``: the values of an enum may be
+    rows of a table in the core; these modules, each with a header, come with them.
     """
 
     index: int
@@ -78,6 +90,7 @@ class Parameter:
     disarmed_only: bool = False
     robot_key: str | None = None
     wheel: int | None = None
+    experiment: str = STEP
     modules: Mapping[str, str] = field(default_factory=dict)
 
     @property
@@ -161,7 +174,7 @@ class ParameterTable(Mapping[str, Parameter]):
         if parameter is None:
             guess = did_you_mean(name, self)
             raise SchemaError(
-                source, key, f"there is no parameter {name}{guess}", hint="`omni robots params NAME` prints all"
+                source, key, f"there is no parameter {name}{guess}", hint="`omni robots show --params NAME` prints all"
             )
         return parameter
 
@@ -265,6 +278,7 @@ def _parameter(source: str, template: str, entry: dict[str, Any], index: int, wh
         disarmed_only=lock is not None,
         robot_key=None if robot_key is None else _robot_key(source, template, robot_key),
         wheel=wheel,
+        experiment=_experiment(source, f"{template}.experiment", entry.get("experiment", STEP)),
         modules=_modules(source, f"{template}.modules", entry.get("modules"), values),
     )
     _check_range(source, template, parameter)
@@ -282,6 +296,13 @@ def _one_line(source: str, key: str, value: object) -> str:
     text = take_text(source, key, value)
     if not text.strip() or "\n" in text:
         raise SchemaError(source, key, f"is {text!r}; one line of documentation is needed")
+    return text
+
+
+def _experiment(source: str, key: str, value: object) -> str:
+    text = take_text(source, key, value)
+    if text not in EXPERIMENTS:
+        raise SchemaError(source, key, f"is {text!r}; must be one of {', '.join(EXPERIMENTS)}")
     return text
 
 

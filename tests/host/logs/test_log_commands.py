@@ -122,7 +122,7 @@ def test_leave_one_out_names_every_run_and_writes_nothing(
 
 @pytest.mark.full
 def test_a_run_folder_is_replayed_with_the_core_that_drove_it(tmp_path: Path) -> None:
-    told = omni_json("sim", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
+    told = omni_json("run", "--core-only", "fault_pose_loss", "--seed", 4, "--out", tmp_path)
     replayed = omni_json("replay", told["folder"], "--robot", told["robot"])
     assert replayed["heading_used"] is False
     assert replayed["clock_offset_s"] == pytest.approx(0.0, abs=0.1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni check-image``: run a firmware image on the emulated chip and look at what it does."""
+"""``python -m omni.checks image``: run a firmware image on the emulated chip and look at what it does."""
 
 from __future__ import annotations
 
@@ -15,19 +15,20 @@ from rich.table import Table
 
 from image_check.check import CI, NIGHTLY, SHORT
 from omni.cli import completion
-from omni.cli.common import JsonOption, console, examples, note, print_json, redrawn_path
+from omni.cli.common import JsonOption, console, examples, print_json, redrawn_path
+from omni.cli.image_check import print_outcome
 from omni.cli.options import ListOption, OwnSeedOption, page_option
 from omniwheel import files
 from omniwheel.errors import OmniError
 
 if TYPE_CHECKING:
-    from image_check.run import Outcome
+    pass
 
 EXAMPLES = examples(
-    "omni check-image .pio/build/three_wheel/firmware.elf",
-    "omni check-image firmware.elf --robot my_robot.toml --depth short",
-    "omni check-image firmware.elf --only stop-commands --only path",
-    "omni check-image --list",
+    "python -m omni.checks image .pio/build/three_wheel/firmware.elf",
+    "python -m omni.checks image firmware.elf --robot my_robot.toml --depth short",
+    "python -m omni.checks image firmware.elf --only stop-commands --only path",
+    "python -m omni.checks image --list",
 )
 
 
@@ -111,10 +112,3 @@ def check_image(
 def _write(path: Path | None, page: Callable[[], str]) -> None:
     if path is not None:
         files.write_text(path, page())
-
-
-def print_outcome(outcome: Outcome) -> None:
-    """Print a line about a check that is over."""
-    mark = "[green]✓[/]" if outcome.passed else "[red]✗[/]"
-    text = "; ".join(outcome.figures) if outcome.passed else outcome.failure
-    note(f"{mark} {escape(outcome.name)}: {escape(text)} [dim]({outcome.wall_s:.1f} s)[/]")

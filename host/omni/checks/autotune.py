@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni study``: whether a tool keeps what it promises, on very many robots drawn at random."""
+"""``python -m omni.checks autotune``: whether it keeps what it promises, on very many robots drawn at random."""
 
 from __future__ import annotations
 
@@ -10,20 +10,16 @@ import typer
 
 from omni.cli.common import JsonOption, console, examples, print_json
 from omni.cli.options import DEFAULT_OUT, LossOption, OwnSeedOption, RadioOption
-from omni.cli.run_output import EmulatedOption
 from omni.cli.study_output import FreshOption, StudyOutOption, WorkersOption, print_end, study_progress
 
 EXAMPLES = examples(
-    "omni study autotune --robots 100",
-    "omni study autotune --robots 50 --radio 9600 --loss 0.05",
-    "omni study autotune --robots 20 --emulated",
-    "omni study autotune --robots 1000 --rivals 100 --stops 200 --workers 8 --out runs/study",
+    "python -m omni.checks autotune --robots 100",
+    "python -m omni.checks autotune --robots 50 --radio 9600 --loss 0.05",
+    "python -m omni.checks autotune --robots 20 --emulated",
+    "python -m omni.checks autotune --robots 1000 --rivals 100 --stops 200 --workers 8 --out runs/study",
 )
 
-app = typer.Typer(no_args_is_help=True, help="Test a tool on many random robots.")
 
-
-@app.command("autotune", epilog=EXAMPLES)
 def autotune(
     robots: Annotated[int, typer.Option("--robots", min=1, max=100_000, help="Number of random robots.")] = 20,
     rivals: Annotated[
@@ -38,7 +34,9 @@ def autotune(
     seed: OwnSeedOption = 1,
     radio: RadioOption = None,
     loss: LossOption = 0.05,
-    emulated: EmulatedOption = False,
+    emulated: Annotated[
+        bool, typer.Option("--emulated", help="Run the firmware on an emulated Cortex-M7 instead of as a process.")
+    ] = False,
     workers: WorkersOption = None,
     out: StudyOutOption = None,
     fresh: FreshOption = False,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni soak``: a long drive on the emulated processor's own timing."""
+"""``python -m omni.checks soak``: a long drive on the emulated processor's own timing."""
 
 from __future__ import annotations
 
@@ -13,7 +13,11 @@ from omni.cli.common import FAILED, JsonOption, console, examples, print_json
 from omni.cli.options import simulated_time_option
 from omni.cli.run_output import SeedOption, run_progress, scenario_help
 
-EXAMPLES = examples("omni soak --duration 60", "omni soak --duration 3600 --json", "omni soak four_wheel")
+EXAMPLES = examples(
+    "python -m omni.checks soak --duration 60",
+    "python -m omni.checks soak --duration 3600 --json",
+    "python -m omni.checks soak four_wheel",
+)
 
 
 def soak(

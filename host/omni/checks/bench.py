@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni bench``: how fast the loops are on this computer."""
+"""``python -m omni.checks bench``: how fast the loops are on this computer."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from omni.cli.options import simulated_time_option
 if TYPE_CHECKING:
     from hil_sim.loop_speed import Loop, LoopTime
 
-EXAMPLES = examples("omni bench", "omni bench --seconds 60 --json")
+EXAMPLES = examples("python -m omni.checks bench", "python -m omni.checks bench --seconds 60 --json")
 TICK_S = 1e-3
 
 
