@@ -15,7 +15,7 @@ constexpr uint32_t longest_watchdog_ms = 60'000;
 constexpr const char *help =
     "usage: omni-firmware [--robot NAME | --params FILE] [--links N] [--storage FILE] [--lockstep] ...\n"
     "\n"
-    "The robot's firmware on an emulated Cortex-M7. `omni emulate` runs it; by hand:\n"
+    "The robot's firmware on an emulated Cortex-M7. `omni sitl --board cortex-m7` runs it; by hand:\n"
     "qemu-system-arm -M mps2-an500 -kernel omni-firmware-mps2.elf -display none -monitor none -serial "
     "tcp::5760,server=on\n"
     "    -semihosting-config enable=on,target=native,arg=omni-firmware,arg=--robot,arg=three_wheel\n"
