@@ -12,11 +12,20 @@ from typing import TYPE_CHECKING, Any
 from omniwheel.capability.reach import SETTLING_S, check_velocity, travel_time_s
 from omniwheel.connection import Connection
 from omniwheel.driven import Driven, Progress, driven
-from omniwheel.errors import DriveError, LimitError, LinkError, NotArrivedError, OmniError, SetpointError, StoppedError
+from omniwheel.errors import (
+    DriveError,
+    LimitError,
+    LinkError,
+    LinkTimeoutError,
+    NotArrivedError,
+    OmniError,
+    SetpointError,
+    StoppedError,
+)
 from omniwheel.frames import Pose, Twist
 from omniwheel.motion_profile import Profile, profile
 from omniwheel.robot_base import SETPOINT_PERIOD_S, RobotBase
-from omniwheel.setpoints import finite
+from omniwheel.setpoints import finite, pose_target, velocity_target
 from omniwheel.telemetry import Tracking, decode
 
 if TYPE_CHECKING:
@@ -37,6 +46,11 @@ _REST_M_S, _REST_RAD_S = 1e-3, 5e-3
 _REST_TIMEOUT_S = 5.0
 _MOVED_S = 2.0
 """How far the robot moved in the last so many seconds is said of one that did not arrive."""
+STUCK_S = 4.0
+"""A robot that stands for so long while its reference is elsewhere does not arrive any more."""
+_STANDS_M, _STANDS_RAD = 2e-3, 0.01
+SILENT_S = 5.0
+"""A robot that sends nothing for so long is gone: it sends a heartbeat each second on every link."""
 
 
 class MovingRobot(RobotBase):
@@ -49,6 +63,20 @@ class MovingRobot(RobotBase):
 
     _motion = 0
     """Number of the latest motion. One that finds another number here has been replaced."""
+    _stream: Callable[[], None] | None = None
+    """The setpoint that is repeated for the latest motion."""
+
+    def arm(self) -> None:
+        """Power the motors, within 5 s if wheels still turn. Raises ArmingRefusedError with the robot's reasons.
+
+        What an earlier motion repeated is over: the robot holds until the next motion.
+        """
+        drove = self.connection.end_repeating(self._stream)
+        if drove:
+            self._begin()
+        super().arm()
+        if drove:
+            self.stop_trajectory()
 
     # ---- to a pose
 
@@ -80,16 +108,13 @@ class MovingRobot(RobotBase):
         start_s = self.connection.clock()
 
         def ask() -> None:
-            if way is None:
-                self.set_pose(*goal)
-            else:
-                pose, twist = way.at(self.connection.clock() - start_s)
-                self.set_pose(*pose, feed_forward=twist)
+            pose, twist = (goal, None) if way is None else way.at(self.connection.clock() - start_s)
+            self.send(pose_target(self.connection, pose, twist))
 
         with self._moving(ask, goal, progress) as motion:
             while not motion.is_at_goal() or (way is not None and motion.time_s < way.duration_s):
-                if motion.time_s > allowed_s:
-                    raise motion.not_arrived(allowed_s)
+                if motion.time_s > allowed_s or motion.is_stuck():
+                    raise motion.not_arrived()
                 motion.wait()
         return motion.result
 
@@ -231,7 +256,7 @@ class MovingRobot(RobotBase):
         """
         self._require_armed()
         self.require_velocity(vx, vy, wz, frame=frame, duration_s=finite("duration_s", duration_s))
-        with self._moving(lambda: self.set_velocity(vx, vy, wz, frame=frame), None, progress) as motion:
+        with self._moving(self._velocity(vx, vy, wz, frame), None, progress) as motion:
             while motion.time_s < duration_s:
                 motion.wait(duration_s - motion.time_s)
             motion.come_to_rest()
@@ -247,19 +272,25 @@ class MovingRobot(RobotBase):
         self._require_armed()
         self.require_velocity(vx, vy, wz, frame=frame)
         self._begin()
-        self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame))
+        self._repeat(self._velocity(vx, vy, wz, frame))
 
     # ---- to rest
 
     def stop(self) -> None:
         """End every motion: brake with LIM_A, then hold the pose, armed. Nothing happens to a robot that is not armed.
 
-        A motion that another thread waits for raises StoppedError.
+        One that another station or program drives now holds at once, as with :meth:`hold`. A motion that another thread
+        waits for raises StoppedError. No callback's error ends this.
         """
-        self._begin()
+        number = self._begin()
         if self._may_drive():
-            with self._moving(None, None, None) as motion:
+            with suppress(StoppedError), self._moving(None, None, None) as motion:
+                number, motion.quiet = motion.number, True
                 motion.come_to_rest()
+                return
+        if self.status.armed and self._motion == number:
+            self.connection.repeat(None)
+            self.stop_trajectory()
 
     def hold(self) -> None:
         """End every motion and hold the present pose, armed; of one that is fast, :meth:`stop` brakes more gently."""
@@ -290,10 +321,19 @@ class MovingRobot(RobotBase):
         self.guard.check()
         if not (self.armed_here or self.status.armed):
             raise DriveError("the robot is not armed, so it cannot drive", hint="arm it first: robot.arm()")
+        self.guard.join()
 
     def _tracking(self) -> Tracking:
         """Return what the robot said last of its pose; wait for the first."""
         return self.status.tracking or self.wait_for(Tracking)
+
+    def _velocity(self, vx: float, vy: float, wz: float, frame: str = "body") -> Callable[[], None]:
+        """Return what sends a velocity as the motion's own setpoint."""
+        return lambda: self.send(velocity_target(self.connection, Twist(vx, vy, wz), frame))
+
+    def _end_stream(self) -> None:
+        if self.connection.end_repeating(self._stream):
+            self._begin()
 
     def _repeat(self, ask: Callable[[], None]) -> None:
         """Send a setpoint now, and again and again while the link is served and the robot drives."""
@@ -306,6 +346,7 @@ class MovingRobot(RobotBase):
 
         with self.connection.monitor:
             ask()
+            self._stream = ask_while_driving
             self.connection.repeat(ask_while_driving, SETPOINT_PERIOD_S)
 
     @contextmanager
@@ -359,10 +400,14 @@ class Motion:
         self._start_s = self._connection.clock()
         self._rows: list[Tracking] = []
         self._shown = 0
+        self._silent_s = 0.0
+        self.quiet = False
+        """Whether errors of callbacks are left to the next motion: this one stops the robot."""
         self._result: Driven | None = None
         self._remove = self._connection.add_listener(self._take)
 
     def _take(self, message: Any) -> None:
+        self._silent_s = 0.0
         tracking = decode(Tracking, message)
         if tracking is not None:
             self._rows.append(tracking)
@@ -393,9 +438,17 @@ class Motion:
         self._robot.guard.check()
 
     def wait(self, at_most_s: float = SETPOINT_PERIOD_S) -> None:
-        """Serve the link for a moment, then :meth:`check`."""
-        self._robot.pump(min(SETPOINT_PERIOD_S, at_most_s))
+        """Serve the link for a moment, then :meth:`check`. Raises LinkTimeoutError after SILENT_S without a message."""
+        pump = self._connection.pump_quietly if self.quiet else self._robot.pump
+        moment_s = min(SETPOINT_PERIOD_S, at_most_s)
+        self._silent_s += max(0.0, moment_s)  # only while the link is served: a suspended program has heard nothing
+        pump(moment_s)
         self.check()
+        if self._silent_s > SILENT_S:
+            raise LinkTimeoutError(
+                f"the robot has sent nothing for {SILENT_S:g} s",
+                hint="check its power and the link; without setpoints and heartbeats it stops by itself",
+            )
         self._show()
 
     def _show(self) -> None:
@@ -409,37 +462,45 @@ class Motion:
             return False
         last_s = self._rows[-1].time_s
         for row in reversed(self._rows):
-            way, turn = self._left(row.pose)
-            if way > ARRIVED_M or turn > ARRIVED_RAD:
+            if not _is_near(row.pose, self._goal_pose, ARRIVED_M, ARRIVED_RAD):
                 return False
             if last_s - row.time_s >= ARRIVED_S:
                 return True
         return False
 
-    def _left(self, here: Pose) -> tuple[float, float]:
-        """Return metres and radians to the goal."""
-        assert self._goal is not None
-        turn = abs(math.remainder(here.theta - self._goal.theta, math.tau))
-        return math.hypot(here.x - self._goal.x, here.y - self._goal.y), turn
+    def is_stuck(self) -> bool:
+        """Whether the robot has stood for STUCK_S while its reference was elsewhere all the time."""
+        for row in reversed(self._rows):
+            last = self._rows[-1]
+            stands = _is_near(row.pose, last.pose, _STANDS_M, _STANDS_RAD)
+            if not stands or _is_near(row.pose, row.reference, ARRIVED_M, ARRIVED_RAD):
+                return False
+            if last.time_s - row.time_s >= STUCK_S:
+                return True
+        return False
 
-    def not_arrived(self, allowed_s: float) -> NotArrivedError:
-        """Return the error of a robot that is not at its goal in time."""
-        here, goal = self._robot._tracking().pose, self._goal
-        way, turn = self._left(here)
-        assert goal is not None
+    @property
+    def _goal_pose(self) -> Pose:
+        assert self._goal is not None
+        return self._goal
+
+    def not_arrived(self) -> NotArrivedError:
+        """Return the error of a robot that is not at its goal in time, or stuck."""
+        here, goal = self._robot._tracking().pose, self._goal_pose
+        way, turn = _apart(here, goal)
         lately = [row.pose for row in self._rows if row.time_s > self._rows[-1].time_s - _MOVED_S]
         moved = math.hypot(here.x - lately[0].x, here.y - lately[0].y) if lately else 0.0
         return NotArrivedError(
-            f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {allowed_s:.3g} s; "
+            f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {self.time_s:.3g} s; "
             f"it moved {moved * 1e3:.0f} mm in the last {_MOVED_S:g} s",
             goal,
             here,
-            hint="is it blocked? else give it more time: timeout_s",
+            hint="is it blocked?" if self.is_stuck() else "is it blocked? else give it more time: timeout_s",
         )
 
     def come_to_rest(self) -> None:
         """Ask for velocity zero until the robot's reference is at rest. Raises StoppedError."""
-        self._robot._repeat(lambda: self._robot.set_velocity(0.0, 0.0, 0.0))
+        self._robot._repeat(self._robot._velocity(0.0, 0.0, 0.0))
         end_s = self._connection.clock() + _REST_TIMEOUT_S
         first = len(self._rows) + 1  # the next may still be of before
         while not any(map(_is_at_rest, self._rows[first:])):
@@ -466,6 +527,17 @@ class Motion:
                 raise NotArrivedError(f"the path is not done after {timeout_s:g} s", here.reference, here.pose)
             self._robot.wait_for(Tracking)
             self.wait(0.0)
+
+
+def _apart(one: Pose, other: Pose) -> tuple[float, float]:
+    """Return the distance [m] and the angle [rad] between two poses."""
+    turn = abs(math.remainder(one.theta - other.theta, math.tau))
+    return math.hypot(one.x - other.x, one.y - other.y), turn
+
+
+def _is_near(one: Pose, other: Pose, most_m: float, most_rad: float) -> bool:
+    way, turn = _apart(one, other)
+    return way <= most_m and turn <= most_rad
 
 
 def _is_at_rest(tracking: Tracking) -> bool:
