@@ -57,7 +57,7 @@ SAMPLES_S = 0.008
 NEWS_EVERY = 6
 """Messages with samples between two looks at everything else."""
 LARGEST_MESSAGE = 256 * 1024
-MOST_PAGES = 100
+MOST_PAGES = 40
 """For one more, the page that was opened first and does not command is closed."""
 MOST_WAITING = 32
 """Requests of one page that may wait for the robot at once."""
