@@ -87,7 +87,7 @@ def test_an_emergency_stop_waits_for_no_other_call() -> None:
     async def main() -> None:
         async with aio.simulate() as robot:
             waiting = [asyncio.ensure_future(robot.wait_for(GyroState, timeout_s=1e6)) for _ in range(60)]
-            await asyncio.sleep(0)
+            await asyncio.to_thread(pass_time)
             await asyncio.wait_for(robot.estop(), LONGEST_S)
             for call in waiting:
                 call.cancel()

@@ -31,8 +31,15 @@ DRIVES: dict[str, Callable[[SimulatedRobot], object]] = {
     "follow_trajectory": lambda robot: robot.follow_trajectory("circle"),
     "drive_velocity": lambda robot: robot.drive_velocity(0.1, 0.0, 0.0, 6.0),
     "drive_duty": lambda robot: robot.drive_duty([0.0, 0.1, -0.1], 6.0),
-    "velocity": lambda robot: [robot.velocity(0.1, 0.0, 0.0), robot.sleep(3.0), robot.drive(0.1, 0.0, 0.0, 1.0)],
+    "velocity": lambda robot: drive_on(robot),
 }
+
+
+def drive_on(robot: SimulatedRobot) -> None:
+    """Use a motion that nobody waits for; the next one says what became of it."""
+    robot.velocity(0.1, 0.0, 0.0)
+    robot.sleep(3.0)
+    robot.drive(0.1, 0.0, 0.0, 1.0)
 
 
 class OtherStation:

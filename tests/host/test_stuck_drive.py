@@ -10,7 +10,7 @@ import pytest
 
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkTimeoutError, NotArrivedError
-from omniwheel.motion import SILENT_S, STUCK_S
+from omniwheel.motion_watch import SILENT_S, STUCK_S
 from omniwheel.robot import Robot, connect
 from tests.host.conftest import FakeRobot
 

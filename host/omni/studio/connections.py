@@ -16,10 +16,10 @@ MOST_CONNECTIONS = 200
 _order = itertools.count()
 
 
-class BoundedProtocol(H11Protocol):
+class BoundedProtocol(H11Protocol):  # type: ignore[misc]
     """An HTTP connection; one that becomes a page's socket is not counted here any more."""
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:
         """Take a connection, and close the oldest idle one if there are too many."""
         super().connection_made(transport)
         self._opened = next(_order)
