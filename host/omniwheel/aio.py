@@ -9,18 +9,21 @@
 ...         async for tracking in robot.telemetry(Tracking):
 ...             print(tracking.pose)
 
-Every method is awaited; the event loop goes on meanwhile. Generators become asynchronous ones. Properties stay as they
-are: ``robot.pose``. A motion that is cancelled brings the robot to rest first.
+Every method is awaited; the event loop goes on meanwhile. Each call has a thread of its own, so a stop waits for none.
+Generators become asynchronous ones. Properties stay as they are: ``robot.pose``. A motion that is cancelled brings
+the robot to rest first.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import inspect
+import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractContextManager, asynccontextmanager, suppress
 from functools import partial, wraps
-from typing import Any
+from typing import Any, TypeVar
 
 from omniwheel.background import connect as _connect
 from omniwheel.background import simulate as _simulate
@@ -32,6 +35,7 @@ from omniwheel.telemetry import TelemetryT
 MOTIONS = ("drive", "drive_to", "follow", "follow_trajectory", "turn_to")
 """Methods that are still at it when they are cancelled, and the robot with them."""
 _END = object()
+T = TypeVar("T")
 
 
 class _Awaited:
@@ -52,7 +56,7 @@ class _Awaited:
         return sorted({*super().__dir__(), *dir(self._wrapped)})
 
     async def _await(self, name: str, method: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
-        return await asyncio.to_thread(method, *arguments, **named)
+        return await _in_thread(method, *arguments, **named)
 
 
 class AwaitedParameters(_Awaited):
@@ -63,11 +67,11 @@ class AwaitedParameters(_Awaited):
 
     async def get(self, name: str) -> float:
         """Return a value, as ``robot.parameters[name]``."""
-        return float(await asyncio.to_thread(self._wrapped.__getitem__, name))
+        return float(await _in_thread(self._wrapped.__getitem__, name))
 
     async def set(self, name: str, value: Any) -> None:
         """Set a value, as ``robot.parameters[name] = value``."""
-        await asyncio.to_thread(self._wrapped.__setitem__, name, value)
+        await _in_thread(self._wrapped.__setitem__, name, value)
 
 
 class Robot(_Awaited):
@@ -80,12 +84,12 @@ class Robot(_Awaited):
     async def _await(self, name: str, method: Callable[..., Any], *arguments: Any, **named: Any) -> Any:
         if name not in MOTIONS:
             return await super()._await(name, method, *arguments, **named)
-        motion = asyncio.ensure_future(asyncio.to_thread(method, *arguments, **named))
+        motion = asyncio.ensure_future(_in_thread(method, *arguments, **named))
         try:
             return await asyncio.shield(motion)
         except asyncio.CancelledError:
             with suppress(OmniError):
-                await asyncio.to_thread(self._wrapped.stop)
+                await _in_thread(self._wrapped.stop)
             with suppress(OmniError):  # the one that stop() ended
                 await motion
             raise
@@ -108,10 +112,36 @@ class Robot(_Awaited):
         return remove
 
 
+async def _in_thread(method: Callable[..., T], *arguments: Any, **named: Any) -> T:
+    """Await a call, as asyncio.to_thread does, in a new thread.
+
+    The threads of a pool may all wait for telemetry: an emergency stop would wait for one of them.
+    """
+    loop = asyncio.get_running_loop()
+    future: asyncio.Future[T] = loop.create_future()
+    call = partial(contextvars.copy_context().run, method, *arguments, **named)
+
+    def settle(result: Any, error: BaseException | None) -> None:
+        if not future.done():
+            future.set_result(result) if error is None else future.set_exception(error)
+
+    def run() -> None:
+        result, failed = None, None
+        try:
+            result = call()
+        except BaseException as error:
+            failed = error
+        with suppress(RuntimeError):  # the loop is closed: nothing awaits this any more
+            loop.call_soon_threadsafe(settle, result, failed)
+
+    threading.Thread(target=run, name="omniwheel call", daemon=True).start()
+    return await future
+
+
 async def _iterated(method: Callable[..., Iterator[Any]], *arguments: Any, **named: Any) -> AsyncIterator[Any]:
     iterator = method(*arguments, **named)
     try:
-        while (value := await asyncio.to_thread(next, iterator, _END)) is not _END:
+        while (value := await _in_thread(next, iterator, _END)) is not _END:
             yield value
     finally:
         with suppress(ValueError, AttributeError):  # it still runs in its thread
@@ -120,15 +150,15 @@ async def _iterated(method: Callable[..., Iterator[Any]], *arguments: Any, **nam
 
 @asynccontextmanager
 async def _entered(make: Callable[[], AbstractContextManager[ThreadedRobot]]) -> AsyncIterator[Robot]:
-    context = await asyncio.to_thread(make)
-    robot = await asyncio.to_thread(context.__enter__)
+    context = await _in_thread(make)
+    robot = await _in_thread(context.__enter__)
     try:
         yield Robot(robot)
     except BaseException as error:
-        if not await asyncio.to_thread(context.__exit__, type(error), error, error.__traceback__):
+        if not await _in_thread(context.__exit__, type(error), error, error.__traceback__):
             raise
     else:
-        await asyncio.to_thread(context.__exit__, None, None, None)
+        await _in_thread(context.__exit__, None, None, None)
 
 
 @wraps(_connect)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from queue import Empty, Full, Queue
@@ -11,8 +12,18 @@ from queue import Empty, Full, Queue
 from omniwheel.connection import Connection
 
 WAITING = 10_000
-"""Calls that wait at most; what comes while so many wait is left out."""
+"""Calls that wait at most; what comes while so many wait is dropped, with one warning."""
 _END_S = 2.0
+
+
+def warn_of_drops(cause: str, kept: int) -> None:
+    """Warn that telemetry is dropped because a program takes it too slowly."""
+    warnings.warn(
+        f"{cause}: {kept} messages wait, further ones are dropped; take less time, or lower the rate: "
+        "set_message_interval(name, hz)",
+        RuntimeWarning,
+        stacklevel=2,
+    )
 
 
 class Callbacks:
@@ -21,6 +32,7 @@ class Callbacks:
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
         self._calls: Queue[Callable[[], object] | None] = Queue(WAITING)
+        self._has_warned = False
         self._thread = threading.Thread(target=self._run, name="omniwheel callbacks", daemon=True)
         self._thread.start()
 
@@ -29,7 +41,9 @@ class Callbacks:
         try:
             self._calls.put_nowait(action)
         except Full:
-            return
+            if not self._has_warned:
+                self._has_warned = True
+                warn_of_drops("callbacks are slower than the telemetry", WAITING)
 
     def close(self) -> None:
         """End the thread after the call that is under way."""

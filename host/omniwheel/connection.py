@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 from omniwheel.default_key import default_key
@@ -29,6 +30,9 @@ GROUND_COMPONENT_ID = 190
 HEARTBEAT_PERIOD_S = 1.0
 _MAVLINK2_MAGIC = 0xFD
 _POLL_S = 0.1
+
+_HEARTBEATS_OF_NEW_NUMBER = 3
+"""A robot that is still there under its old number says something before another robot has sent so many heartbeats."""
 
 Listener = Callable[[Message], None]
 Recorder = Callable[[bytes], None]
@@ -46,6 +50,19 @@ def own_station() -> int:
     if not (given.isdecimal() and len(given) <= 3 and 1 <= int(given) <= GROUND_STATION_ID):
         raise OmniError(f"OMNI_STATION is {given!r}; a station's number is 1 to 255", hint="take 255 downwards")
     return int(given)
+
+
+@dataclass
+class _Claim:
+    """A system id that a robot said is its own, and how many heartbeats came from it since."""
+
+    system: int = 0
+    heartbeats: int = 0
+
+
+def _tells_own_number(message: Message) -> bool:
+    is_number = message.get_type() == "PARAM_VALUE" and message.param_id == "SYS_ID"
+    return is_number and bool(message.param_value == message.get_srcSystem())
 
 
 class _Output:
@@ -92,6 +109,7 @@ class Connection:
         self.other_systems: set[int] = set()
         """System ids of other robots that are on the line, too; nothing here is for them."""
         self._new_system = 0
+        self._claim = _Claim()
         self.on_other_robot: Callable[[int], None] | None = None
         """Called with the system id of another robot when it is heard for the first time."""
         self.rx_bytes = 0
@@ -104,6 +122,8 @@ class Connection:
         if self.signer is not None:
             self.signer.attach(self._codec)
         self._listeners: list[Listener] = []
+        self._raised: Exception | None = None
+        """What a callback, a listener or the recorder raised: for the next pump, so that it ends no stop."""
         self._repeated: Callable[[], None] | None = None
         self._repeat_s, self._next_repeat_s = 0.0, float("inf")
         self.next_heartbeat_s = clock() if heartbeat else float("inf")
@@ -153,8 +173,16 @@ class Connection:
     def write_frame(self, frame: bytes) -> None:
         """Send and record one whole frame."""
         self.link.write(frame)
+        self._record(frame)
+
+    def _record(self, frame: bytes) -> None:
+        """Give a frame to the recorder. One that fails gets no more; the link goes on."""
         if self.recorder is not None:
-            self.recorder(frame)
+            try:
+                self.recorder(frame)
+            except Exception as error:
+                self.recorder = None
+                self.raise_in_pump(error)
 
     @property
     def sends_heartbeats(self) -> bool:
@@ -192,6 +220,14 @@ class Connection:
         with self.monitor:
             self._repeated, self._repeat_s = action, period_s
             self._next_repeat_s = float("inf") if action is None else self.clock()
+
+    def end_repeating(self, action: Callable[[], None] | None) -> bool:
+        """Call ``action`` no more; return whether it was the one that is repeated."""
+        with self.monitor:
+            is_repeated = action is not None and self._repeated is action
+            if is_repeated:
+                self.repeat(None)
+            return is_repeated
 
     def _repeat(self) -> None:
         now = self.clock()
@@ -235,9 +271,15 @@ class Connection:
         return self._thread is not None
 
     def raise_in_pump(self, error: Exception) -> None:
-        """Have the next :meth:`pump` of another thread than the link's raise this."""
-        if self._thread is not None:
-            self._thread.raise_in_pump(error)
+        """Have the next :meth:`pump` raise this, of another thread than the link's if there is one."""
+        with self.monitor:
+            self._raised = error
+            self.monitor.notify_all()
+
+    def _raise_pending(self) -> None:
+        raised, self._raised = self._raised, None
+        if raised is not None:
+            raise raised
 
     def serve_in_background(self) -> None:
         """Have a thread of its own serve the link from now on, until :meth:`close`."""
@@ -253,10 +295,10 @@ class Connection:
             if message.get_type() == "BAD_DATA" or frame[0] != _MAVLINK2_MAGIC:
                 self.rx_bad_bytes += len(frame)
                 continue
-            if self.recorder is not None:
-                self.recorder(bytes(frame))
-            if self._is_renamed(message):
+            self._record(bytes(frame))
+            if self._is_renamed(message) or self._has_another_number(message):
                 self.target_system = message.get_srcSystem()
+                self.other_systems.discard(self.target_system)
             if self.is_from_robot(message):
                 received.append(message)
                 self.hand_out(message)
@@ -283,6 +325,23 @@ class Connection:
         said_by_robot = message.get_type() in ("PARAM_VALUE", "COMMAND_ACK") or is_autopilot(message)
         return said_by_robot and message.get_srcComponent() == self.target_component
 
+    def _has_another_number(self, message: Message) -> bool:
+        """Whether another program gave the robot another SYS_ID: it said so, and speaks under that one alone since.
+
+        A stop would not reach it under the old one.
+        """
+        system = message.get_srcSystem()
+        if message.get_srcComponent() != self.target_component or not self.target_system:
+            return False
+        if system == self.target_system:
+            self._claim = _Claim()
+        elif _tells_own_number(message) and system not in self.other_systems:
+            self._claim = _Claim(system)
+        elif system == self._claim.system and is_autopilot(message):
+            self._claim.heartbeats += 1
+            return self._claim.heartbeats >= _HEARTBEATS_OF_NEW_NUMBER
+        return False
+
     def _note_other(self, system: int) -> None:
         if system in (self.target_system, *self.other_systems):
             return
@@ -301,18 +360,28 @@ class Connection:
         return from_hub or message.get_type() == "RADIO_STATUS"
 
     def hand_out(self, message: Message) -> None:
-        """Give a message to the listeners."""
+        """Give a message to the listeners. What one raises is raised by the next :meth:`pump`."""
         for listener in tuple(self._listeners):
-            listener(message)
+            try:
+                listener(message)
+            except Exception as error:
+                self.raise_in_pump(error)
 
     def pump(self, duration_s: float) -> None:
-        """Serve the link for ``duration_s`` of the connection's clock."""
+        """Serve the link for ``duration_s`` of the connection's clock; raise what :meth:`raise_in_pump` was given."""
+        self._serve(duration_s, raises=True)
+
+    def pump_quietly(self, duration_s: float) -> None:
+        """Serve the link as :meth:`pump` does, for what stops the robot: no callback's error ends it."""
+        self._serve(duration_s, raises=False)
+
+    def _serve(self, duration_s: float, *, raises: bool) -> None:
         end = self.clock() + duration_s
         while True:
             left = end - self.clock()
             self.poll(left)
-            if self._thread is not None and not self._thread.is_current:
-                self._thread.raise_pending()
+            if raises and (self._thread is None or not self._thread.is_current):
+                self._raise_pending()
             if left <= 0.0:
                 return
 

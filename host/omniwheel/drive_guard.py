@@ -20,6 +20,8 @@ REASON_S = 0.1
 """The heartbeat that tells of an end comes first, then its reason."""
 STATE_S = 1.0
 """... and the safety state, which tells a failsafe from a disarming; on a slow radio so much later."""
+JOIN_S = 2.0
+"""For so long after it joined a drive, a text about a takeover is of its own first setpoint."""
 _ENDED = "its drive has ended"
 """How the robot refuses set-points of a drive that another station has ended."""
 
@@ -29,12 +31,13 @@ class DriveGuard:
 
     ``begun``: it was armed here and has not been disarmed here since. What the robot said before it accepted the
     arming is of an earlier state, however late a radio brings it. Once a drive is over it stays so until the next one.
+    A program that drives a robot which another one armed joins that drive (:meth:`join`).
     """
 
     def __init__(self, connection: Connection, texts: TextLog, status: Callable[[], RobotStatus]) -> None:
         self.begun = False
         self._connection, self._texts, self._status = connection, texts, status
-        self._accepted = False
+        self._accepted = self._joined = False
         self._over: StoppedError | None = None
         self._reset()
         self._asking = False
@@ -61,17 +64,25 @@ class DriveGuard:
             self._seen_armed = self._seen_armed or beat.armed
         elif status is not None:
             self._state = status.state
-        elif text is not None and self._accepted:
+        elif text is not None and self._is_watching:
             self._held = self._held or self._tells_of_end(text.text)
 
     def _tells_of_end(self, text: str) -> bool:
         """Return whether a text ends this drive. Those of the hub keep their order, and so are never too late."""
-        late = self._connection.clock() - self._since_s <= LATE_S
+        late = self._connection.clock() - self._since_s <= (JOIN_S if self._joined else LATE_S)
         return notices.ends_drive(text) or (text.startswith((HELD_BY, TAKEN_OVER_BY)) and not late)
 
     def begin(self) -> None:
         """Take note that this program asks the robot to arm."""
-        self.begun, self._accepted, self._mark = True, False, self._texts.mark()
+        self.begun, self._accepted, self._joined = True, False, False
+        self._mark = self._texts.mark()
+
+    def join(self) -> None:
+        """Take note that this program drives a robot that another one armed; nothing changes if it was armed here."""
+        if not self.begun and not self._joined:
+            self._reset()
+            self._joined = self._armed = self._seen_armed = True
+            self._mark = self._texts.mark()
 
     def go_on(self) -> None:
         """Take note that this program began a new drive of the robot that it had armed: it may have been held."""
@@ -82,7 +93,8 @@ class DriveGuard:
 
     def end(self) -> None:
         """Take note that this program disarms or stops the robot."""
-        self.begun, self._over = False, None
+        self.begun = self._joined = False
+        self._over = None
 
     @property
     def armed_here(self) -> bool:
@@ -90,11 +102,11 @@ class DriveGuard:
         return self.begun and not (self._seen_disarmed and self._armed)
 
     def check(self) -> None:
-        """Raise StoppedError if the drive that was begun here is over; nothing happens if none was begun.
+        """Raise StoppedError if the drive that was begun or joined here is over; nothing happens if there is none.
 
         Until its heartbeat says that it is armed, a robot that is disarmed counts as one that is about to arm.
         """
-        if not self.begun or not self._accepted or self._asking:
+        if not self._is_watching or self._asking:
             return
         self._over = self._over or self._ending()
         if self._over is not None:
@@ -102,8 +114,12 @@ class DriveGuard:
 
     @property
     def is_over(self) -> bool:
-        """Whether the drive that was begun here is over, by what is known now; :meth:`check` raises why."""
-        return self.begun and self._accepted and (self._over is not None or self._is_stopped() or self._is_held())
+        """Whether the drive that was begun or joined here is over, by what is known now; :meth:`check` raises why."""
+        return self._is_watching and (self._over is not None or self._is_stopped() or self._is_held())
+
+    @property
+    def _is_watching(self) -> bool:
+        return self._joined or (self.begun and self._accepted)
 
     def _is_stopped(self) -> bool:
         return self._state in ("failsafe", "estop") or self._seen_disarmed
@@ -144,7 +160,7 @@ class DriveGuard:
         try:
             if not self._has_stopped_state():
                 self._connection.wait(lambda _: self._has_stopped_state(), STATE_S)
-            self._connection.pump(REASON_S)
+            self._connection.pump_quietly(REASON_S)
         finally:
             self._asking = False
 

@@ -39,6 +39,10 @@ class Served(Protocol):
         """Hand out the messages in these bytes."""
         ...
 
+    def raise_in_pump(self, error: Exception) -> None:
+        """Have the next pump raise this."""
+        ...
+
 
 class LinkThread:
     """Serves one connection from :meth:`start` to :meth:`stop`, or until the link is lost."""
@@ -50,18 +54,19 @@ class LinkThread:
         self._thread = threading.Thread(target=self._run, name="omniwheel link", daemon=True)
         self._end: BaseException | None = None
         """Why it ended by itself."""
-        self._raised: Exception | None = None
-        """What a repeated action or a callback raised: for the next pump, so that it ends no stop and no disarming."""
 
     def start(self) -> None:
         """Begin to serve."""
         self._thread.start()
 
     def stop(self) -> None:
-        """End the thread. What it last raised is dropped."""
+        """End the thread. Other threads that wait, or send from now on, get LinkLostError."""
         self._ending.set()
         if not self.is_current:
             self._thread.join(_END_S)
+        self._end = self._end or LinkLostError("this program has closed the connection")
+        with self._monitor:
+            self._monitor.notify_all()
 
     @property
     def is_current(self) -> bool:
@@ -75,24 +80,12 @@ class LinkThread:
         if self._end is not None:
             raise self._end
 
-    def raise_in_pump(self, error: Exception) -> None:
-        """Have the next pump raise this."""
-        with self._monitor:
-            self._raised = error
-            self._monitor.notify_all()
-
     def await_messages(self, timeout_s: float) -> None:
         """Let go of the monitor until messages have come, for ``timeout_s`` at most. Raises what ended the thread."""
         self.check()
         if timeout_s > 0.0:
             self._monitor.wait(timeout_s)
             self.check()
-
-    def raise_pending(self) -> None:
-        """Raise what a repeated action or a callback raised, once."""
-        raised, self._raised = self._raised, None
-        if raised is not None:
-            raise raised
 
     def _run(self) -> None:
         try:
@@ -119,7 +112,7 @@ class LinkThread:
         except LinkLostError:
             raise
         except OmniError as error:
-            self.raise_in_pump(error)
+            self._served.raise_in_pump(error)
             return SLICE_S
 
 

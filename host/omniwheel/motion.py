@@ -10,33 +10,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from omniwheel.capability.reach import SETTLING_S, check_velocity, travel_time_s
-from omniwheel.connection import Connection
-from omniwheel.driven import Driven, Progress, driven
-from omniwheel.errors import DriveError, LimitError, LinkError, NotArrivedError, OmniError, SetpointError, StoppedError
+from omniwheel.driven import Driven, Progress
+from omniwheel.errors import (
+    DriveError,
+    LimitError,
+    LinkError,
+    OmniError,
+    SetpointError,
+    StoppedError,
+)
 from omniwheel.frames import Pose, Twist
 from omniwheel.motion_profile import Profile, profile
+from omniwheel.motion_watch import Motion, latest_tracking
 from omniwheel.robot_base import SETPOINT_PERIOD_S, RobotBase
-from omniwheel.setpoints import finite
-from omniwheel.telemetry import Tracking, decode
+from omniwheel.setpoints import finite, pose_target, velocity_target
 
 if TYPE_CHECKING:
     from omniwheel.drawn_path import DrawnPath
 
-ARRIVED_M = 0.005
-ARRIVED_RAD = 0.02
-ARRIVED_S = 0.2
-"""Time that the robot has to be there, on its clock."""
 PATIENCE = 1.5
 """Time that a drive may take, times the one that it should take, unless told otherwise."""
 FRAMES = ("world", "body")
-_BACK_S = 0.5
-"""Path time that goes back by more is that of another path, even if the text that says so was lost."""
 _RAMP_SHARE = 0.5
 """Share of LIM_A with which a drive of a given speed gains it."""
-_REST_M_S, _REST_RAD_S = 1e-3, 5e-3
-_REST_TIMEOUT_S = 5.0
-_MOVED_S = 2.0
-"""How far the robot moved in the last so many seconds is said of one that did not arrive."""
 
 
 class MovingRobot(RobotBase):
@@ -49,6 +45,20 @@ class MovingRobot(RobotBase):
 
     _motion = 0
     """Number of the latest motion. One that finds another number here has been replaced."""
+    _stream: Callable[[], None] | None = None
+    """The setpoint that is repeated for the latest motion."""
+
+    def arm(self) -> None:
+        """Power the motors, within 5 s if wheels still turn. Raises ArmingRefusedError with the robot's reasons.
+
+        What an earlier motion repeated is over: the robot holds until the next motion.
+        """
+        drove = self.connection.end_repeating(self._stream)
+        if drove:
+            self._begin()
+        super().arm()
+        if drove:
+            self.stop_trajectory()
 
     # ---- to a pose
 
@@ -80,16 +90,13 @@ class MovingRobot(RobotBase):
         start_s = self.connection.clock()
 
         def ask() -> None:
-            if way is None:
-                self.set_pose(*goal)
-            else:
-                pose, twist = way.at(self.connection.clock() - start_s)
-                self.set_pose(*pose, feed_forward=twist)
+            pose, twist = (goal, None) if way is None else way.at(self.connection.clock() - start_s)
+            self.send(pose_target(self.connection, pose, twist))
 
         with self._moving(ask, goal, progress) as motion:
             while not motion.is_at_goal() or (way is not None and motion.time_s < way.duration_s):
-                if motion.time_s > allowed_s:
-                    raise motion.not_arrived(allowed_s)
+                if motion.time_s > allowed_s or motion.is_stuck():
+                    raise motion.not_arrived()
                 motion.wait()
         return motion.result
 
@@ -104,7 +111,7 @@ class MovingRobot(RobotBase):
         """Turn on the spot to a heading [rad], the shorter way; as :meth:`drive_to`."""
         if frame not in FRAMES:
             raise _unknown_frame(frame)
-        here = self._tracking().reference
+        here = latest_tracking(self).reference
         there = finite("heading", heading) + (here.theta if frame == "body" else 0.0)
         wrapped = math.remainder(there, math.tau) if frame == "body" else there
         return self.drive_to(here.x, here.y, wrapped, timeout_s=timeout_s, progress=progress)
@@ -113,7 +120,7 @@ class MovingRobot(RobotBase):
         """Return the world pose that :meth:`drive_to` would drive to. Raises SetpointError, LimitError."""
         if frame not in FRAMES:
             raise _unknown_frame(frame)
-        here = self._tracking().reference
+        here = latest_tracking(self).reference
         x, y = finite("x", x), finite("y", y)
         turn = None if heading is None else finite("heading", heading)
         if frame == "world":
@@ -128,7 +135,7 @@ class MovingRobot(RobotBase):
         if speed is not None:
             return self._profile(goal, speed).duration_s + SETTLING_S
         margin = self.parameters["TRJ_MARGIN"]
-        return travel_time_s(self.drive_model(), self._tracking().pose, goal, margin)
+        return travel_time_s(self.drive_model(), latest_tracking(self).pose, goal, margin)
 
     def allowed_time_s(self, goal: Pose, timeout_s: float | None = None, *, speed: float | None = None) -> float:
         """Return how long a drive to a world pose may take [s]: ``timeout_s``, or 1.5 times what it should take.
@@ -139,7 +146,7 @@ class MovingRobot(RobotBase):
         if timeout_s is None:
             return PATIENCE * needed_s
         if timeout_s < needed_s - SETTLING_S:
-            here = self._tracking().pose
+            here = latest_tracking(self).pose
             way = math.hypot(here.x - goal.x, here.y - goal.y)
             raise LimitError(
                 f"{way:.2f} m take this robot about {needed_s:.0f} s; the time given is {timeout_s:g} s",
@@ -156,7 +163,7 @@ class MovingRobot(RobotBase):
             raise SetpointError(f"speed is {speed:g} m/s; more than 0 is needed")
         model = self.drive_model()
         acceleration = _RAMP_SHARE * model.acceleration_limit_m_s2
-        here = self._tracking().reference
+        here = latest_tracking(self).reference
         way = profile(here, goal, speed, _RAMP_SHARE * model.turn_limit_rad_s, acceleration)
         distance = math.hypot(goal.x - here.x, goal.y - here.y)
         if distance > 0.0:  # at the speed itself, too, even if the way is too short to reach it
@@ -231,10 +238,10 @@ class MovingRobot(RobotBase):
         """
         self._require_armed()
         self.require_velocity(vx, vy, wz, frame=frame, duration_s=finite("duration_s", duration_s))
-        with self._moving(lambda: self.set_velocity(vx, vy, wz, frame=frame), None, progress) as motion:
+        with self._moving(self._velocity(vx, vy, wz, frame), None, progress) as motion:
             while motion.time_s < duration_s:
                 motion.wait(duration_s - motion.time_s)
-            motion.come_to_rest()
+            self._come_to_rest(motion)
         return motion.result
 
     def velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
@@ -247,19 +254,25 @@ class MovingRobot(RobotBase):
         self._require_armed()
         self.require_velocity(vx, vy, wz, frame=frame)
         self._begin()
-        self._repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame))
+        self._repeat(self._velocity(vx, vy, wz, frame))
 
     # ---- to rest
 
     def stop(self) -> None:
         """End every motion: brake with LIM_A, then hold the pose, armed. Nothing happens to a robot that is not armed.
 
-        A motion that another thread waits for raises StoppedError.
+        One that another station or program drives now holds at once, as with :meth:`hold`. A motion that another thread
+        waits for raises StoppedError. No callback's error ends this.
         """
-        self._begin()
+        number = self._begin()
         if self._may_drive():
-            with self._moving(None, None, None) as motion:
-                motion.come_to_rest()
+            with suppress(StoppedError), self._moving(None, None, None) as motion:
+                number, motion.quiet = motion.number, True
+                self._come_to_rest(motion)
+                return
+        if self.status.armed and self._motion == number:
+            self.connection.repeat(None)
+            self.stop_trajectory()
 
     def hold(self) -> None:
         """End every motion and hold the present pose, armed; of one that is fast, :meth:`stop` brakes more gently."""
@@ -290,10 +303,15 @@ class MovingRobot(RobotBase):
         self.guard.check()
         if not (self.armed_here or self.status.armed):
             raise DriveError("the robot is not armed, so it cannot drive", hint="arm it first: robot.arm()")
+        self.guard.join()
 
-    def _tracking(self) -> Tracking:
-        """Return what the robot said last of its pose; wait for the first."""
-        return self.status.tracking or self.wait_for(Tracking)
+    def _velocity(self, vx: float, vy: float, wz: float, frame: str = "body") -> Callable[[], None]:
+        """Return what sends a velocity as the motion's own setpoint."""
+        return lambda: self.send(velocity_target(self.connection, Twist(vx, vy, wz), frame))
+
+    def _end_stream(self) -> None:
+        if self.connection.end_repeating(self._stream):
+            self._begin()
 
     def _repeat(self, ask: Callable[[], None]) -> None:
         """Send a setpoint now, and again and again while the link is served and the robot drives."""
@@ -306,6 +324,7 @@ class MovingRobot(RobotBase):
 
         with self.connection.monitor:
             ask()
+            self._stream = ask_while_driving
             self.connection.repeat(ask_while_driving, SETPOINT_PERIOD_S)
 
     @contextmanager
@@ -314,7 +333,7 @@ class MovingRobot(RobotBase):
 
         If the motion ends by an error, the robot is brought to rest, as far as it can be reached.
         """
-        motion = Motion(self, self._begin(), goal, progress)
+        motion = Motion(self, self._begin(), self._is_latest, goal, progress)
         try:
             if ask is None:
                 self.connection.repeat(None)
@@ -342,135 +361,19 @@ class MovingRobot(RobotBase):
         self.stop_trajectory()
         motion.finish()
 
+    def _come_to_rest(self, motion: Motion) -> None:
+        """Ask for velocity zero until the robot's reference is at rest. Raises StoppedError."""
+        self._repeat(self._velocity(0.0, 0.0, 0.0))
+        motion.until_at_rest()
+
+    def _is_latest(self, number: int) -> bool:
+        return self._motion == number
+
     def _begin(self) -> int:
         """Return the number of a new motion; the one before is over."""
         with self.connection.monitor:
             self._motion += 1
             return self._motion
-
-
-class Motion:
-    """A motion under way: what the robot says meanwhile, and whether it still drives."""
-
-    def __init__(self, robot: MovingRobot, number: int, goal: Pose | None, progress: Progress | None) -> None:
-        self.number = number
-        self._robot, self._goal, self._progress = robot, goal, progress
-        self._connection: Connection = robot.connection
-        self._start_s = self._connection.clock()
-        self._rows: list[Tracking] = []
-        self._shown = 0
-        self._result: Driven | None = None
-        self._remove = self._connection.add_listener(self._take)
-
-    def _take(self, message: Any) -> None:
-        tracking = decode(Tracking, message)
-        if tracking is not None:
-            self._rows.append(tracking)
-
-    @property
-    def time_s(self) -> float:
-        """Time since its beginning."""
-        return self._connection.clock() - self._start_s
-
-    @property
-    def result(self) -> Driven:
-        """What was driven; once it has ended."""
-        assert self._result is not None
-        return self._result
-
-    def finish(self) -> None:
-        """Make the result."""
-        self._result = driven(self._rows, self.time_s, self._goal)
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._remove()
-
-    def check(self) -> None:
-        """Raise StoppedError if the robot stopped, or another motion has begun."""
-        if self._robot._motion != self.number:
-            raise StoppedError("another thread of this program stopped the robot, or began another motion")
-        self._robot.guard.check()
-
-    def wait(self, at_most_s: float = SETPOINT_PERIOD_S) -> None:
-        """Serve the link for a moment, then :meth:`check`."""
-        self._robot.pump(min(SETPOINT_PERIOD_S, at_most_s))
-        self.check()
-        self._show()
-
-    def _show(self) -> None:
-        while self._progress is not None and self._shown < len(self._rows):
-            self._shown += 1
-            self._progress(self._rows[self._shown - 1])
-
-    def is_at_goal(self) -> bool:
-        """Whether the robot's estimate has been at the goal for ARRIVED_S: it does not only pass it."""
-        if not self._rows:
-            return False
-        last_s = self._rows[-1].time_s
-        for row in reversed(self._rows):
-            way, turn = self._left(row.pose)
-            if way > ARRIVED_M or turn > ARRIVED_RAD:
-                return False
-            if last_s - row.time_s >= ARRIVED_S:
-                return True
-        return False
-
-    def _left(self, here: Pose) -> tuple[float, float]:
-        """Return metres and radians to the goal."""
-        assert self._goal is not None
-        turn = abs(math.remainder(here.theta - self._goal.theta, math.tau))
-        return math.hypot(here.x - self._goal.x, here.y - self._goal.y), turn
-
-    def not_arrived(self, allowed_s: float) -> NotArrivedError:
-        """Return the error of a robot that is not at its goal in time."""
-        here, goal = self._robot._tracking().pose, self._goal
-        way, turn = self._left(here)
-        assert goal is not None
-        lately = [row.pose for row in self._rows if row.time_s > self._rows[-1].time_s - _MOVED_S]
-        moved = math.hypot(here.x - lately[0].x, here.y - lately[0].y) if lately else 0.0
-        return NotArrivedError(
-            f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {allowed_s:.3g} s; "
-            f"it moved {moved * 1e3:.0f} mm in the last {_MOVED_S:g} s",
-            goal,
-            here,
-            hint="is it blocked? else give it more time: timeout_s",
-        )
-
-    def come_to_rest(self) -> None:
-        """Ask for velocity zero until the robot's reference is at rest. Raises StoppedError."""
-        self._robot._repeat(lambda: self._robot.set_velocity(0.0, 0.0, 0.0))
-        end_s = self._connection.clock() + _REST_TIMEOUT_S
-        first = len(self._rows) + 1  # the next may still be of before
-        while not any(map(_is_at_rest, self._rows[first:])):
-            if self._connection.clock() > end_s:
-                return  # the robot says nothing of it: it has had the time
-            self.wait()
-
-    def until_path_done(self, timeout_s: float) -> None:
-        """Wait for the end of the path that the robot follows. Raises StoppedError if another one has begun."""
-        started, path_s, row = False, 0.0, 0
-        while True:
-            while row < len(self._rows):
-                tracking, row = self._rows[row], row + 1
-                started = started or tracking.phase in ("lead-in", "path")
-                if started and tracking.phase == "done":
-                    self._show()
-                    return
-                if started and (tracking.phase == "none" or tracking.path_time_s < path_s - _BACK_S):
-                    self.check()
-                    raise self._robot.guard.held()
-                path_s = max(path_s, tracking.path_time_s)
-            if self.time_s > timeout_s:
-                here = self._robot._tracking()
-                raise NotArrivedError(f"the path is not done after {timeout_s:g} s", here.reference, here.pose)
-            self._robot.wait_for(Tracking)
-            self.wait(0.0)
-
-
-def _is_at_rest(tracking: Tracking) -> bool:
-    vx, vy, wz = tracking.reference_rate
-    return math.hypot(vx, vy) < _REST_M_S and abs(wz) < _REST_RAD_S
 
 
 def as_path(path: Any, speed: float, heading: float | None, laps: float) -> DrawnPath:

@@ -39,6 +39,8 @@ SINGLE_TRIES = 2
 QUIET_S = 0.7
 WINDOW = 12
 FEW = 4
+MOST_SINGLE = 40
+"""Reading one value takes a round trip; a list of all is one request."""
 NOT_AN_INDEX = -1
 SYSTEM = "SYS_ID"
 """The robot answers with its new number as soon as it has one."""
@@ -257,14 +259,15 @@ class Parameters(MutableMapping[str, float]):
     def set_many(self, values: Mapping[str, ParameterValue]) -> None:
         """Set several parameters, all or none.
 
-        All are checked before any is sent. Some combinations are only valid together, so a refused value is tried again
+        All are checked before any is sent, and the robot's present values are read: another program may have changed
+        them, or a restart. Some combinations are only valid together, so a refused value is tried again
         after the others. If one stays refused, those already set get their old values back and ParameterRefusedError is
         raised; the same on Ctrl-C. On a lost link nothing can be set back: LinkLostError or LinkTimeoutError then says
         which values the robot has confirmed, and which one it may have.
         """
         self._hear_others(values)
         wanted = {name: self.check(name, value) for name, value in values.items()}
-        old = {name: self[name] for name in wanted}
+        old = self._read_all(wanted)
         todo = {name: value for name, value in wanted.items() if value != old[name]}
         work = _Work()
         try:
@@ -273,6 +276,14 @@ class Parameters(MutableMapping[str, float]):
             undone = [name for name in todo if name == work.asked or self._cache.by_name.get(name) != old[name]]
             self._set_back({name: old[name] for name in undone})
             raise
+
+    def _read_all(self, names: Iterable[str]) -> dict[str, float]:
+        """Ask the robot for some values now; for many, it is quicker to download all."""
+        wanted = list(names)
+        if len(wanted) > MOST_SINGLE:
+            values = self.download()
+            return {name: values[name] if name in values else self.read(name) for name in wanted}
+        return {name: self.read(name) for name in wanted}
 
     def _hear_others(self, names: Iterable[str]) -> None:
         """Listen for other robots on the line before this one gets another system id: it must not be one of theirs."""

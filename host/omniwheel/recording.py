@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable
 from typing import IO
 
+from omniwheel.files import write_error
 from omniwheel.run import Run
 
 IN_MEMORY = 16 << 20
@@ -23,9 +24,12 @@ class Recording:
         self._file: IO[bytes] = tempfile.SpooledTemporaryFile(max_size=IN_MEMORY)  # noqa: SIM115  it lives as long
 
     def write(self, frame: bytes) -> None:
-        """Append one whole MAVLink frame, with the time."""
+        """Append one whole MAVLink frame, with the time. Raises OutputFileError."""
         with self._lock:
-            self._file.write(self._clock_us().to_bytes(8, "big") + frame)
+            try:
+                self._file.write(self._clock_us().to_bytes(8, "big") + frame)
+            except OSError as error:
+                raise write_error(tempfile.gettempdir(), error) from error
 
     def run(self) -> Run:
         """Return everything so far."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from typing import TYPE_CHECKING, TypeVar
 
@@ -15,7 +16,7 @@ from omni_schema import load_parameters
 from omniwheel.callbacks import Callbacks
 from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message
-from omniwheel.errors import LogError
+from omniwheel.errors import LogError, OmniError
 from omniwheel.first_contact import await_robot
 from omniwheel.frames import Pose, Twist
 from omniwheel.hub.shared_link import open_shared
@@ -70,8 +71,17 @@ class Robot(MovingRobot):
                 self._callbacks.close()
 
     def sleep(self, duration_s: float) -> None:
-        """Let time pass on the robot's side: as time.sleep for a real robot, and simulated time for a simulated one."""
-        self.pump(duration_s)
+        """Let time pass on the robot's side: as time.sleep for a real robot, and simulated time for a simulated one.
+
+        Ctrl-C ends what :meth:`velocity` began, as it ends every motion.
+        """
+        try:
+            self.pump(duration_s)
+        except KeyboardInterrupt:
+            with suppress(OmniError):
+                if self.connection.end_repeating(self._stream):
+                    self.stop()
+            raise
 
     # ---- state
 

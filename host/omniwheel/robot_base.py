@@ -12,6 +12,7 @@ from typing import TypeVar
 from omni_schema import ParameterTable
 from omniwheel.burst import Burst, parse_burst
 from omniwheel.burst_request import BurstRequest
+from omniwheel.callbacks import warn_of_drops
 from omniwheel.capability.drive_model import DriveModel, model_from_parameters
 from omniwheel.capability.reach import check_pose, check_velocity, check_wheel_count
 from omniwheel.commands import CANCELLED, Commander, message_id
@@ -89,6 +90,9 @@ class RobotBase:
     def _leave(self) -> None:
         """Do what is to be done before the link is closed."""
 
+    def _end_stream(self) -> None:
+        """End what a motion repeats, before the program asks for something else."""
+
     def pump(self, duration_s: float = 0.0) -> None:
         """Serve the link for ``duration_s`` of the link's clock; 0 takes what is there."""
         self.connection.pump(duration_s)
@@ -128,8 +132,9 @@ class RobotBase:
     def telemetry(self, *kinds: type[TelemetryT], timeout_s: float | None = None) -> Iterator[TelemetryT]:
         """Yield telemetry of these kinds (classes of :mod:`omniwheel.telemetry`) as it comes, without end.
 
-        What arrives while the loop's body calls other methods is kept. Raises LinkTimeoutError if nothing comes for
-        ``timeout_s`` (default: the connection's).
+        What arrives while the loop's body calls other methods is kept, up to 10 000 messages; then the oldest are
+        dropped, with one warning. Raises LinkTimeoutError if nothing comes for ``timeout_s`` (default: the
+        connection's).
         """
         for message in self.messages(*(kind.message for kind in kinds), timeout_s=timeout_s):
             for kind in kinds:
@@ -141,7 +146,17 @@ class RobotBase:
         """Yield MAVLink messages by name as they come; the raw side of :meth:`telemetry`."""
         limit = self.timeout_s if timeout_s is None else timeout_s
         waiting: deque[Message] = deque(maxlen=_BUFFERED)
-        remove = self.connection.add_listener(lambda m: waiting.append(m) if m.get_type() in names else None)
+        has_warned = False
+
+        def take(message: Message) -> None:
+            nonlocal has_warned
+            if message.get_type() in names:
+                if len(waiting) == _BUFFERED and not has_warned:
+                    has_warned = True
+                    warn_of_drops(f"the loop over {' or '.join(names)} is slower than the telemetry", _BUFFERED)
+                waiting.append(message)
+
+        remove = self.connection.add_listener(take)
         try:
             while True:
                 with self.connection.monitor:
@@ -245,10 +260,12 @@ class RobotBase:
 
         To be repeated faster than SAFE_CMD_TO (0.5 s by default), or the robot stops; :meth:`drive_velocity` does that.
         """
+        self._end_stream()
         self.send(velocity_target(self.connection, Twist(vx, vy, wz), frame))
 
     def set_pose(self, x: float, y: float, theta: float, *, feed_forward: Twist | None = None) -> None:
         """Ask for a world pose, with the world twist along it if it moves. To be repeated like :meth:`set_velocity`."""
+        self._end_stream()
         self.send(pose_target(self.connection, Pose(x, y, theta), feed_forward))
 
     def set_duty(self, duty: Sequence[float]) -> None:
@@ -256,6 +273,7 @@ class RobotBase:
 
         For bring-up and identification: nothing holds the wheels' speed. To be repeated like :meth:`set_velocity`.
         """
+        self._end_stream()
         self.send(duty_target(self.connection, duty))
 
     def drive_duty(self, duty: Sequence[float], duration_s: float, *, stop: bool = True) -> None:
@@ -288,9 +306,11 @@ class RobotBase:
     def repeat(self, action: Callable[[], None], duration_s: float) -> None:
         """Call one of the ``set_`` methods again and again for ``duration_s``. No limit is checked here.
 
-        Raises StoppedError once the robot that was armed here has stopped by itself, or somebody else has stopped it.
+        Raises StoppedError once the robot has stopped by itself, or another station or program has stopped it.
         """
         end = self.connection.clock() + finite("duration_s", duration_s)
+        if self.status.armed:
+            self.guard.join()
         while self.connection.clock() < end:
             self.guard.check()
             action()
@@ -328,11 +348,13 @@ class RobotBase:
         count = _AS_PARAMETER if laps is None else checked_value(self.table, "TRJ_LAPS", laps)
         period = 0.0 if period_s is None else checked_value(self.table, "TRJ_PERIOD", period_s)
         what = "to start the trajectory"
+        self._end_stream()
         self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_START, number, count, period, what=what)
         self.guard.go_on()
 
     def stop_trajectory(self) -> None:
         """Leave the trajectory and hold the pose."""
+        self._end_stream()
         self.commands.send(mavlink.MAV_CMD_OMNI_TRAJECTORY_STOP, what="to hold the pose", hurry=True)
 
     def set_waypoints(self, poses: Sequence[tuple[float, float, float]]) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from omniwheel import Robot, aio
 from omniwheel.errors import DriveError
-from omniwheel.telemetry import Tracking
+from omniwheel.telemetry import GyroState, Tracking
 from tests.waiting import LONGEST_S, pass_time
 
 PATIENT = {"SAFE_CMD_TO": 10.0, "SAFE_LINK_TO": LONGEST_S}
@@ -77,5 +77,19 @@ def test_every_method_is_there_and_awaited() -> None:
                 if is_waiting(name, method):
                     assert callable(getattr(robot, name))
                     assert getattr(robot, name).__doc__ == method.__doc__
+
+    asyncio.run(main())
+
+
+def test_an_emergency_stop_waits_for_no_other_call() -> None:
+    """The pool of asyncio has a few threads more than processors; each of these calls holds one."""
+
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            waiting = [asyncio.ensure_future(robot.wait_for(GyroState, timeout_s=1e6)) for _ in range(60)]
+            await asyncio.to_thread(pass_time)
+            await asyncio.wait_for(robot.estop(), LONGEST_S)
+            for call in waiting:
+                call.cancel()
 
     asyncio.run(main())

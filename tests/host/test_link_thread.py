@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import errno
 import threading
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -11,6 +13,7 @@ from typing import Any
 import pytest
 
 import omniwheel
+from omniwheel.callbacks import WAITING
 from omniwheel.dialect import mavlink
 from omniwheel.errors import LinkLostError, LinkTimeoutError, StoppedError
 from omniwheel.robot import Robot
@@ -184,3 +187,41 @@ def test_another_thread_ends_a_drive(driven: SimulatedRobot, stop: str) -> None:
             drive.result(LONGEST_S)
     assert driven.armed
     assert driven.pose.x < 1.0
+
+
+def test_a_wait_ends_when_the_program_closes_the_connection(fake: PatientRobot) -> None:
+    with ThreadPoolExecutor(1) as threads:
+        with omniwheel.connect(fake) as robot:
+            waiting = threads.submit(robot.wait_for, Tracking, timeout_s=1e6)
+            wait_until(waiting.running, "the waiting thread")
+        with pytest.raises(LinkLostError):
+            waiting.result(LONGEST_S)
+
+
+def fail(_: bytes) -> None:
+    raise OSError(errno.ENOSPC, "no space left")
+
+
+def test_a_recorder_that_fails_is_heard_once_and_the_link_goes_on(robot: Robot, fake: PatientRobot) -> None:
+    robot.arm()
+    robot.connection.recorder = fail
+    with pytest.raises(OSError, match="no space left"):
+        robot.sleep(LONGEST_S)
+    robot.sleep(0.0)
+    robot.connection.recorder = fail
+    robot.disarm()
+    arm = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+    assert [first for command, first in fake.commands() if command == arm] == [1.0, 0.0]
+
+
+def test_dropped_calls_are_told_once(robot: Robot) -> None:
+    goes_on = threading.Event()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        robot.on(StatusText, lambda _: None)
+        assert robot._callbacks is not None
+        robot._callbacks.call(lambda: goes_on.wait(LONGEST_S))
+        for _ in range(WAITING + 10):
+            robot._callbacks.call(int)
+        goes_on.set()
+    assert [one.category for one in caught] == [RuntimeWarning]

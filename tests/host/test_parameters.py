@@ -266,3 +266,23 @@ def test_the_command_wants_force_for_another_robots_file(tmp_path: Path, sitl: s
     assert CliRunner().invoke(app, words).exit_code == 1
     assert CliRunner().invoke(app, [*words, "--other-robot"]).exit_code == 0
     assert CliRunner().invoke(app, words).exit_code == 0  # it is this robot's now
+
+
+@pytest.mark.parametrize("names", [1, 60])
+def test_what_another_program_changed_is_set_again(fake: Any, robot: Robot, names: int) -> None:
+    """A reset by another program, or a restart, changes values without a message about each."""
+    before = robot.parameters.download()
+    wanted = {**dict(list(before.items())[:names]), "ISMC_LAM_XY": 15.5}
+    robot.parameters.set_many(wanted)
+    fake.values["ISMC_LAM_XY"] = before["ISMC_LAM_XY"]
+    robot.parameters.set_many(wanted)
+    assert fake.values["ISMC_LAM_XY"] == 15.5
+
+
+def test_a_refused_set_brings_back_what_another_program_set(fake: Any, robot: Robot) -> None:
+    robot.parameters.download()
+    fake.values["ISMC_LAM_XY"] = 3.0
+    fake.refusals["WS_P"] = "no"
+    with pytest.raises(ParameterRefusedError):
+        robot.parameters.set_many({"ISMC_LAM_XY": 15.5, "WS_P": robot.parameters["WS_P"] * 0.5})
+    assert fake.values["ISMC_LAM_XY"] == 3.0

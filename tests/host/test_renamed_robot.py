@@ -17,6 +17,7 @@ from omniwheel import FirmwareProcess
 from omniwheel.dialect import mavlink
 from omniwheel.errors import ParameterRangeError, ParameterRefusedError
 from omniwheel.robot import Robot, connect
+from tests.host.conftest import FakeRobot
 from tests.host.shared_line import shared_line
 from tests.host.two_robots import FIRST, SECOND, TwoRobots
 
@@ -156,3 +157,43 @@ def test_a_hub_follows_nobody_without_a_reason(command: int | None) -> None:
     if command is not None:
         followed.watch_request(request(command), 0.5)
     assert not followed.accept_heartbeat(NEW, 5.0)
+
+
+# ---- another program's side
+
+
+def tell_new_number(fake: FakeRobot, system: int) -> None:
+    """Have the robot tell its new number to all links, as it does when a program sets SYS_ID."""
+    fake._codec.srcSystem = system
+    fake.values["SYS_ID"] = float(system)
+    fake._send_value("SYS_ID")
+
+
+def test_a_stop_reaches_a_robot_that_another_program_renamed(fake: FakeRobot, robot: Robot) -> None:
+    tell_new_number(fake, 9)
+    robot.pump(1.5)
+    robot.estop()
+    assert robot.connection.target_system == 9
+    assert not robot.connection.other_systems
+    assert [m.target_system for m in fake.received if m.get_type() == "COMMAND_LONG"][-1] == 9
+
+
+def test_another_robot_that_tells_its_number_is_not_taken_for_this_one() -> None:
+    line = TwoRobots()
+    with connect(line, clock=line.clock, system_id=FIRST) as robot:
+        robot.pump(2.0)
+        line.robots[SECOND].values["SYS_ID"] = float(SECOND)
+        line.robots[SECOND]._send_value("SYS_ID")
+        robot.pump(10.0)
+        assert robot.connection.target_system == FIRST
+
+
+def test_a_hub_does_not_take_a_robot_whose_number_is_asked_for_for_its_own() -> None:
+    followed = FollowedRobot()
+    assert followed.accept_heartbeat(ROBOT, 0.0)
+    assert not followed.accept_heartbeat(OTHER, 0.5)
+    asked = mavlink.MAVLink_param_set_message(1, 1, b"SYS_ID", float(OTHER[0]), mavlink.MAV_PARAM_TYPE_REAL32)
+    asked.param_id = "SYS_ID"  # as a parser gives it
+    followed.watch_request(asked, 1.0)
+    assert not followed.accept_heartbeat(OTHER, 1.1), "the answer is still on its way"
+    assert followed.accept_heartbeat(OTHER, 4.0), "its own robot has that number now, and is silent under the old one"

@@ -6,11 +6,13 @@ from __future__ import annotations
 import json
 import os
 import random
+import resource
 import signal
 import socket as py_socket
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +20,10 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.sync.client import ClientConnection, connect
 
+from omni.studio.server import MOST_PAGES
 from omni.studio.signals import possible_signals
 from tests.studio.parts import Opener, Program, running, studio, until
-from tests.waiting import pass_time, receive_until, wait_until
+from tests.waiting import LONGEST_S, pass_time, receive_until, wait_until
 
 
 def socket_url(program: Program, token: str = "") -> str:
@@ -285,3 +288,38 @@ def test_a_simulation_that_does_not_start_is_said(simulated: Program) -> None:
         answer = ask(socket, "simulate", scenario="no such world")
         assert "no such world" in answer["error"]
     assert simulated.state()["robot"] is not None
+
+
+@pytest.fixture(scope="module")
+def small_studio() -> Iterator[Program]:
+    """Return a studio without a robot that may have 512 files open."""
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (512, before[1]))
+    try:
+        with studio() as program:
+            resource.setrlimit(resource.RLIMIT_NOFILE, before)
+            yield program
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+@pytest.mark.full
+def test_idle_connections_keep_no_page_from_stopping(small_studio: Program) -> None:
+    host, port = small_studio.url.split("/")[2].split(":")
+    with ExitStack() as stack:
+        for _ in range(600):
+            stack.enter_context(py_socket.create_connection((host, int(port)), LONGEST_S))
+        with connect(socket_url(small_studio), open_timeout=LONGEST_S) as page:
+            assert ask(page, "stop")["result"] == {"told": False}
+
+
+@pytest.mark.full
+def test_more_pages_than_there_may_be_close_the_oldest_but_not_the_one_in_command(small_studio: Program) -> None:
+    with ExitStack() as stack:
+        pages = [stack.enter_context(connect(socket_url(small_studio))) for _ in range(MOST_PAGES + 1)]
+        ask(pages[0], "take_over")
+        stack.enter_context(connect(socket_url(small_studio)))
+        with pytest.raises(ConnectionClosed):
+            said(pages[1], lambda _: False)
+        assert ask(pages[0], "stop")["result"] == {"told": False}
+        assert ask(pages[-1], "stop")["result"] == {"told": False}

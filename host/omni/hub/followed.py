@@ -59,7 +59,8 @@ class FollowedRobot:
     def _is_renamed(self, source: tuple[int, int], now_s: float) -> bool:
         if source[1] != self.source[1]:
             return False
-        if now_s - self._requested_s.get(source[0], float("-inf")) < SILENCE_S:
-            return True
         silent = now_s - self._heard_s > RENAMED_AFTER_S
-        return silent and now_s - self._restart_s < SILENCE_S and source[0] not in self._others
+        is_known = source[0] in self._others
+        if now_s - self._requested_s.get(source[0], float("-inf")) < SILENCE_S:
+            return silent or not is_known  # the id may be that of a robot which is there already
+        return silent and now_s - self._restart_s < SILENCE_S and not is_known

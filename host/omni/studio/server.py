@@ -28,6 +28,7 @@ from omni.studio import experiments
 from omni.studio.access import Access
 from omni.studio.actions import ACTIONS, BadRequestError, keys_of, number_of, parse_request
 from omni.studio.bringup_walk import wiring_picture
+from omni.studio.connections import bounded
 from omni.studio.error_text import hint_of
 from omni.studio.outbox import Outbox
 from omni.studio.parameter_view import values_as_json
@@ -48,12 +49,16 @@ PAGE_DIR = Path(__file__).parent / "page"
 _STOP_FIRST = "not done: cancelled by a stop"
 _OWN_ERROR = 1011
 """WebSocket's number for an error of the server's own."""
+_TOO_MANY = 1013
+"""... and for a server that has too much to do."""
 _LOG = logging.getLogger(__name__)
 SAMPLES_S = 0.008
 """Time between two messages with samples: less than a frame of the screen lasts, so that each frame has new ones."""
 NEWS_EVERY = 6
 """Messages with samples between two looks at everything else."""
 LARGEST_MESSAGE = 256 * 1024
+MOST_PAGES = 40
+"""For one more, the page that was opened first and does not command is closed."""
 MOST_WAITING = 32
 """Requests of one page that may wait for the robot at once."""
 _TYPES = {".js": "text/javascript", ".css": "text/css", ".html": "text/html", ".svg": "image/svg+xml"}
@@ -79,6 +84,8 @@ class StudioServer:
         self._scenarios = scenarios
         self._changing = asyncio.Lock()
         self._samples_lock = asyncio.Lock()
+        self._sockets: dict[Page, WebSocket] = {}
+        self._closing: set[asyncio.Task[None]] = set()
         self.runs = Runs(studio, access, _SECURITY)
         self._local: dict[str, Callable[[Page, Mapping[str, Any]], Coroutine[Any, Any, Any]]] = {
             "stop": self._stop,
@@ -169,7 +176,9 @@ class StudioServer:
             await socket.close(4403)
             return
         await socket.accept()
+        self._make_room()
         page = self.studio.open_page()
+        self._sockets[page] = socket
         outbox = Outbox()
         tasks = [asyncio.create_task(self._send(socket, page, outbox))]
         waiting: set[asyncio.Task[None]] = set()
@@ -182,9 +191,22 @@ class StudioServer:
         except (WebSocketDisconnect, RuntimeError):  # starlette's word for a socket that is closed already
             pass
         finally:
+            self._sockets.pop(page, None)
             self.studio.close_page(page)
             for task in (*tasks, *waiting):
                 task.cancel()
+
+    def _make_room(self) -> None:
+        """Close the oldest watching page if there are as many pages as there may be."""
+        watching = (page for page in self._sockets if page is not self.studio.commanding)
+        if len(self._sockets) >= MOST_PAGES and (oldest := next(watching, None)) is not None:
+            task = asyncio.create_task(self._close(self._sockets.pop(oldest)))  # it may take its time to answer
+            self._closing.add(task)
+            task.add_done_callback(self._closing.discard)
+
+    async def _close(self, socket: WebSocket) -> None:
+        with suppress(Exception):
+            await socket.close(_TOO_MANY)
 
     async def _send(self, socket: WebSocket, page: Page, outbox: Outbox) -> None:
         """Tell a page everything until it has gone. A page that can be told nothing more is closed: it comes anew."""
@@ -405,5 +427,11 @@ def _file_of(folder: Path, name: str) -> Response:
 def uvicorn_server(app: Starlette) -> uvicorn.Server:
     """Return the server; its sockets are given to ``run``."""
     return uvicorn.Server(
-        uvicorn.Config(app, log_level="warning", ws_max_size=LARGEST_MESSAGE, ws_per_message_deflate=False)
+        uvicorn.Config(
+            app,
+            **bounded(),
+            log_level="warning",
+            ws_max_size=LARGEST_MESSAGE,
+            ws_per_message_deflate=False,
+        )
     )
