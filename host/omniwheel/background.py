@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +52,13 @@ def simulate(
     seed: int | None = 0,
     speed: str = REAL_TIME,
     record: bool = True,
-) -> AbstractContextManager[SimulatedRobot]:
-    """Simulate a robot with its real firmware while the ``with`` block lasts; as :func:`omniwheel.simulation.simulate`.
+) -> SimulatedRobot:
+    """Simulate a robot with its real firmware until ``robot.close()``, or the end of the ``with`` block.
 
-    With ``speed`` "max" there is no thread: simulated time passes while a method of the robot waits.
+    ``robot``: a name (three_wheel, four_wheel, fast_three_wheel), a robot file or a description of one. ``scenario``:
+    a name or file; None: a floor with slip, and pose fixes. ``world``: another one than the built-in, as "mujoco".
+    ``seed``: of its random numbers. With ``speed`` "max" there is no thread: simulated time passes only while a method
+    of the robot waits, so use ``robot.sleep``, not ``time.sleep``. The rest is as of
+    :func:`omniwheel.simulation.simulate`.
     """
     return _simulate(robot, world=world, scenario=scenario, seed=seed, speed=speed, record=record)

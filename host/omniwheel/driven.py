@@ -18,7 +18,7 @@ Progress = Callable[[Tracking], object]
 """Called with what the robot says of its pose while it drives."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Driven:
     """A drive that ended as it should.
 
@@ -55,6 +55,19 @@ class Driven:
     def distance_m(self) -> float:
         """Length of the line through the poses [m]."""
         return float(np.hypot(*np.diff(self.poses[:, :2], axis=0).T).sum())
+
+    @property
+    def overshoot_m(self) -> float:
+        """How far the robot went past its goal, along the line from the first pose to it [m]; NaN without a goal."""
+        if self.goal is None or not len(self.poses):
+            return math.nan
+        line = np.array(self.goal[:2]) - self.poses[0, :2]
+        length = float(np.hypot(*line))
+        along = (self.poses[:, :2] - self.poses[0, :2]) @ (line / length) if length > 0.0 else np.zeros(1)
+        return max(0.0, float(along.max()) - length)
+
+    def __repr__(self) -> str:
+        return f"<Driven: {self}>"
 
     def __str__(self) -> str:
         x, y, theta = self.pose

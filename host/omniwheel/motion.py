@@ -45,6 +45,8 @@ class MovingRobot(RobotBase):
 
     _motion = 0
     """Number of the latest motion. One that finds another number here has been replaced."""
+    _latest_call = ""
+    """What began with the latest number: another motion, or a method that stops."""
     _stream: Callable[[], None] | None = None
     """The setpoint that is repeated for the latest motion."""
 
@@ -73,12 +75,13 @@ class MovingRobot(RobotBase):
         timeout_s: float | None = None,
         progress: Progress | None = None,
     ) -> Driven:
-        """Drive to a pose and return on arrival: within 5 mm and 0.02 rad for 0.2 s. Then the robot holds its pose.
+        """Drive to a pose and return on arrival: within 5 mm and 0.02 rad for 0.2 s. Then the robot holds the goal.
 
         ``x``, ``y`` [m] and ``heading`` [rad, counter-clockwise; None: as now] are in the ``frame`` "world", or "body":
         ahead, to the left, and turned from where the robot is now. With ``speed`` [m/s] it drives a straight line, with
-        ramps of half of LIM_A. Without, it is as fast as TRJ_MARGIN, LIM_V and LIM_WHEEL let it. ``timeout_s``:
+        ramps of half of LIM_A. Without, it is as fast as TRJ_MARGIN, LIM_V, LIM_A and LIM_WHEEL let it. ``timeout_s``:
         1.5 times the time that it should take, unless given. ``progress`` is called with each :class:`Tracking`.
+        A motion that is asked for meanwhile ends this one: StoppedError.
 
         Raises LimitError before anything moves if the robot cannot go there, so fast, or in this time; NotArrivedError
         if it is not there in time; StoppedError; LinkError.
@@ -98,6 +101,7 @@ class MovingRobot(RobotBase):
                 if motion.time_s > allowed_s or motion.is_stuck():
                     raise motion.not_arrived()
                 motion.wait()
+            way, motion.holds_goal = None, True
         return motion.result
 
     def turn_to(
@@ -186,6 +190,8 @@ class MovingRobot(RobotBase):
     ) -> Driven:
         """Follow a line on the floor on a smooth path without stops, and return at its end. Then the robot holds.
 
+        It drives to the first point before, straight from where it is.
+
         ``path``: world positions x, y [m] as a sequence, a NumPy array (n, 2), an object with ``coords`` (shapely), or
         a CSV file of them; or a :class:`~omniwheel.drawn_path.DrawnPath`. The robot plans it itself, and slows down
         to what its limits need. ``speed`` [m/s], ``heading`` [rad] to keep (None: along the path), ``laps`` as of
@@ -237,7 +243,9 @@ class MovingRobot(RobotBase):
         StoppedError.
         """
         self._require_armed()
-        self.require_velocity(vx, vy, wz, frame=frame, duration_s=finite("duration_s", duration_s))
+        if finite("duration_s", duration_s) <= 0.0:
+            raise SetpointError(f"duration_s is {duration_s:g} s; must be above 0")
+        self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
         with self._moving(self._velocity(vx, vy, wz, frame), None, progress) as motion:
             while motion.time_s < duration_s:
                 motion.wait(duration_s - motion.time_s)
@@ -264,9 +272,9 @@ class MovingRobot(RobotBase):
         One that another station or program drives now holds at once, as with :meth:`hold`. A motion that another thread
         waits for raises StoppedError. No callback's error ends this.
         """
-        number = self._begin()
+        number = self._begin("robot.stop()")
         if self._may_drive():
-            with suppress(StoppedError), self._moving(None, None, None) as motion:
+            with suppress(StoppedError), self._moving(None, None, None, "robot.stop()") as motion:
                 number, motion.quiet = motion.number, True
                 self._come_to_rest(motion)
                 return
@@ -276,22 +284,22 @@ class MovingRobot(RobotBase):
 
     def hold(self) -> None:
         """End every motion and hold the present pose, armed; of one that is fast, :meth:`stop` brakes more gently."""
-        self._begin()
+        self._begin("robot.hold()")
         self.connection.repeat(None)
         self.stop_trajectory()
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""
-        self._forget_motion()
+        self._forget_motion("robot.disarm()")
         super().disarm()
 
     def estop(self) -> None:
         """Emergency stop, latched until :meth:`estop_clear`."""
-        self._forget_motion()
+        self._forget_motion("robot.estop()")
         super().estop()
 
-    def _forget_motion(self) -> None:
-        self._begin()
+    def _forget_motion(self, by: str) -> None:
+        self._begin(by)
         self.connection.repeat(None)
 
     # ---- what motions have in common
@@ -302,6 +310,11 @@ class MovingRobot(RobotBase):
     def _require_armed(self) -> None:
         self.guard.check()
         if not (self.armed_here or self.status.armed):
+            if self.status.state == "estop":
+                raise DriveError(
+                    "the emergency stop is on, so the robot cannot drive",
+                    hint="release it, then arm: robot.estop_clear(), robot.arm()",
+                )
             raise DriveError("the robot is not armed, so it cannot drive", hint="arm it first: robot.arm()")
         self.guard.join()
 
@@ -328,12 +341,19 @@ class MovingRobot(RobotBase):
             self.connection.repeat(ask_while_driving, SETPOINT_PERIOD_S)
 
     @contextmanager
-    def _moving(self, ask: Callable[[], None] | None, goal: Pose | None, progress: Progress | None) -> Iterator[Motion]:
+    def _moving(
+        self,
+        ask: Callable[[], None] | None,
+        goal: Pose | None,
+        progress: Progress | None,
+        call: str = "another motion",
+    ) -> Iterator[Motion]:
         """Watch a motion while the context lasts; then hold. ``ask`` is the setpoint that is repeated, if there is one.
 
+        ``call`` is what a motion that this one replaces says.
         If the motion ends by an error, the robot is brought to rest, as far as it can be reached.
         """
-        motion = Motion(self, self._begin(), self._is_latest, goal, progress)
+        motion = Motion(self, self._begin(call), self._replaced_by, goal, progress)
         try:
             if ask is None:
                 self.connection.repeat(None)
@@ -354,11 +374,14 @@ class MovingRobot(RobotBase):
             motion.close()
 
     def _end(self, motion: Motion) -> None:
-        """Hold the pose at the end of a motion."""
+        """Hold the goal at the end of a motion, or where the robot is if there is none."""
         with self.connection.monitor:
             motion.check()
+            if motion.holds_goal and self._stream is not None:
+                self._stream()  # the last of a stream that ends at its pose
             self.connection.repeat(None)
-        self.stop_trajectory()
+        if not motion.holds_goal:
+            self.stop_trajectory()
         motion.finish()
 
     def _come_to_rest(self, motion: Motion) -> None:
@@ -366,13 +389,15 @@ class MovingRobot(RobotBase):
         self._repeat(self._velocity(0.0, 0.0, 0.0))
         motion.until_at_rest()
 
-    def _is_latest(self, number: int) -> bool:
-        return self._motion == number
+    def _replaced_by(self, number: int) -> str:
+        """Return what has taken the place of the motion of a number; "" if nothing has."""
+        return self._latest_call if self._motion != number else ""
 
-    def _begin(self) -> int:
-        """Return the number of a new motion; the one before is over."""
+    def _begin(self, call: str = "another motion") -> int:
+        """Return the number of a new motion; ``call`` is what ended the one before."""
         with self.connection.monitor:
             self._motion += 1
+            self._latest_call = call
             return self._motion
 
 

@@ -39,19 +39,19 @@ def latest_tracking(robot: RobotBase) -> Tracking:
 class Motion:
     """A motion under way: what the robot says meanwhile, and whether it still drives.
 
-    ``is_latest`` says whether the motion of a number is the latest one of this program.
+    ``replaced_by`` says what has taken the place of the motion of a number in this program; "" if nothing has.
     """
 
     def __init__(
         self,
         robot: RobotBase,
         number: int,
-        is_latest: Callable[[int], bool],
+        replaced_by: Callable[[int], str],
         goal: Pose | None,
         progress: Progress | None,
     ) -> None:
         self.number = number
-        self._robot, self._is_latest, self._goal, self._progress = robot, is_latest, goal, progress
+        self._robot, self._replaced_by, self._goal, self._progress = robot, replaced_by, goal, progress
         self._connection: Connection = robot.connection
         self._start_s = self._connection.clock()
         self._rows: list[Tracking] = []
@@ -59,6 +59,8 @@ class Motion:
         self._silent_s = 0.0
         self.quiet = False
         """Whether errors of callbacks are left to the next motion: this one stops the robot."""
+        self.holds_goal = False
+        """Whether the robot is to hold the goal at the end, which its reference has reached."""
         self._result: Driven | None = None
         self._remove = self._connection.add_listener(self._take)
 
@@ -89,8 +91,8 @@ class Motion:
 
     def check(self) -> None:
         """Raise StoppedError if the robot stopped, or another motion has begun."""
-        if not self._is_latest(self.number):
-            raise StoppedError("another thread of this program stopped the robot, or began another motion")
+        if call := self._replaced_by(self.number):
+            raise StoppedError(f"ended by {call} of another thread or a callback of this program")
         self._robot.guard.check()
 
     def wait(self, at_most_s: float = SETPOINT_PERIOD_S) -> None:
@@ -113,12 +115,12 @@ class Motion:
             self._progress(self._rows[self._shown - 1])
 
     def is_at_goal(self) -> bool:
-        """Whether the robot's estimate has been at the goal for ARRIVED_S: it does not only pass it."""
+        """Whether reference and estimate have been at the goal for ARRIVED_S: they do not only pass it."""
         if not self._rows:
             return False
         last_s = self._rows[-1].time_s
         for row in reversed(self._rows):
-            if not _is_near(row.pose, self._goal_pose, ARRIVED_M, ARRIVED_RAD):
+            if not all(_is_near(at, self._goal_pose, ARRIVED_M, ARRIVED_RAD) for at in (row.pose, row.reference)):
                 return False
             if last_s - row.time_s >= ARRIVED_S:
                 return True

@@ -8,7 +8,7 @@ eighth digit.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -178,8 +178,22 @@ class Parameters(MutableMapping[str, float]):
         return self._cache.complete
 
     def info(self, name: str) -> Parameter | None:
-        """Return what params.toml says about a parameter, None if this package does not know it."""
+        """Return what is known of a parameter: ``unit``, ``minimum``, ``maximum``, ``default``, ``values``, ``doc``.
+
+        None if only the robot knows it. Raises UnknownParameterError for one that nobody knows.
+        """
+        self._require_known(name)
         return self.table.get(name)
+
+    @contextmanager
+    def changed(self, **values: ParameterValue) -> Iterator[None]:
+        """Set several parameters while the ``with`` block lasts, as :meth:`set_many`; then set the old values back."""
+        before = self._read_all(values)
+        try:
+            self.set_many(values)
+            yield
+        finally:
+            self.set_many(before)
 
     def forget(self) -> None:
         """Empty the cache, for instance after the robot restarted."""

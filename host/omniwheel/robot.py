@@ -27,7 +27,17 @@ from omniwheel.paths import params_path
 from omniwheel.ports import only_teensy
 from omniwheel.robot_base import FORCE, SETPOINT_PERIOD_S
 from omniwheel.signing import Signer
-from omniwheel.telemetry import Battery, Odometry, Status, Telemetry, TelemetryT, Tracking, Wheels, decode
+from omniwheel.telemetry import (
+    Battery,
+    Odometry,
+    Status,
+    Telemetry,
+    TelemetryT,
+    Tracking,
+    Wheels,
+    decode,
+)
+from omniwheel.telemetry_parts import require_kinds
 from omniwheel.tlog import SIMULATED_EPOCH_US, wall_clock_us
 
 if TYPE_CHECKING:
@@ -64,7 +74,7 @@ class Robot(MovingRobot):
     def close(self) -> None:
         """Disarm if this object armed the robot, then close the link."""
         try:
-            self._forget_motion()
+            self._forget_motion("robot.close()")
             super().close()
         finally:
             if self._callbacks is not None:
@@ -128,8 +138,10 @@ class Robot(MovingRobot):
 
         The returned function ends that. Callbacks are called one after the other in a thread of their own, and may use
         the robot; without a thread (:mod:`omniwheel.sync`) they are called while something waits. What one raises is
-        raised by the next motion, :meth:`sleep` or property; never by what stops or disarms.
+        raised by the motion under way, which ends at rest, or the next one, :meth:`sleep` or property; never by what
+        stops or disarms.
         """
+        require_kinds(kind)
 
         def take(message: Message) -> None:
             value = decode(kind, message)

@@ -38,11 +38,14 @@ from omniwheel.setpoints import (
 from omniwheel.signing import install_key
 from omniwheel.status import RobotStatus, StatusBoard
 from omniwheel.telemetry import SigningStatus, TelemetryT, decode
+from omniwheel.telemetry_parts import require_kinds
 from omniwheel.texts import TextLog
 
 FORCE = 21196.0
 """Param 2 of the arm/disarm command that MAVLink defines as "do it anyway"."""
 SETPOINT_PERIOD_S = 0.05
+SEEN_S = 0.5
+"""The telemetry of a state that the robot has accepted comes within this time, except on the slowest radios."""
 _BUFFERED = 10000
 _AS_PARAMETER = -1.0
 _STORE, _RESTORE, _RESET = 1, 0, 2
@@ -136,6 +139,7 @@ class RobotBase:
         dropped, with one warning. Raises LinkTimeoutError if nothing comes for ``timeout_s`` (default: the
         connection's).
         """
+        require_kinds(*kinds)
         for message in self.messages(*(kind.message for kind in kinds), timeout_s=timeout_s):
             for kind in kinds:
                 decoded = decode(kind, message)
@@ -204,21 +208,31 @@ class RobotBase:
                 with suppress(OmniError):
                     self.disarm()  # a copy may still be on its way to the robot: this comes behind it
             raise
+        self._see(lambda status: status.armed)
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""
         self.commands.send(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, FORCE, what="to disarm")
         self.guard.end()
+        self._see(lambda status: not status.armed)
 
     def estop(self) -> None:
         """Emergency stop, latched until :meth:`estop_clear`."""
         self.commands.send(mavlink.MAV_CMD_OMNI_ESTOP, 1.0, what="to stop at once")
         self.guard.end()
+        self._see(lambda status: status.state in ("estop", "unknown"))
 
     def estop_clear(self, *, after_own_stop: bool = False) -> None:
         """Release the emergency stop: disarmed then. ``after_own_stop``: not if another sender's stop came in 15 s."""
         command, what = mavlink.MAV_CMD_OMNI_ESTOP, "to release the emergency stop"
         self.commands.send(command, 0.0, what=what, after_own_stop=after_own_stop)
+        self._see(lambda status: status.state != "estop")
+
+    def _see(self, condition: Callable[[RobotStatus], bool]) -> None:
+        """Wait a little for the telemetry of what the robot has just accepted, so that :attr:`status` agrees."""
+        with suppress(OmniError):
+            if not condition(self.status):
+                self.connection.wait(lambda _: condition(self.status), SEEN_S)
 
     # ---- what it can follow
 

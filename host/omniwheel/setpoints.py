@@ -53,6 +53,8 @@ def _finite_double(name: str, value: float) -> float:
         number = float(value)
     except OverflowError:  # a Python int may have any length
         number = math.inf if value > 0 else -math.inf
+    except (TypeError, ValueError):
+        raise SetpointError(f"{name} is {value!r}; must be a number", hint="lengths in m, angles in rad") from None
     if not math.isfinite(number):
         raise SetpointError(f"{name} is {number}; must be a finite number")
     return number

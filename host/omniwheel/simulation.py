@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from pathlib import Path
+from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from omni_schema import Robot as RobotFile
@@ -29,9 +29,21 @@ class SimulatedRobot(Robot):
 
     simulation: Simulation
     """The world: ``true_pose``, ``fault("encoder_stuck", wheel=1)``, ``mend()``, ``urls`` for other programs."""
+    _world: ExitStack
+
+    def close(self) -> None:
+        """Disarm, close the link and end the simulation."""
+        self.__exit__(None, None, None)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        end = ExitStack()
+        end.push(self._world)  # it knows better than the link why the firmware is gone
+        end.callback(super().close)
+        end.__exit__(kind, error, trace)
 
 
-@contextmanager
 def simulate(
     robot: str | Path | RobotFile = DEFAULT_ROBOT,
     *,
@@ -41,8 +53,8 @@ def simulate(
     speed: str = REAL_TIME,
     record: bool = True,
     background: bool = True,
-) -> Iterator[SimulatedRobot]:
-    """Start the real firmware in a simulated world, connect to it, and end all of it with the context.
+) -> SimulatedRobot:
+    """Start the real firmware in a simulated world and connect to it; ``robot.close()`` or ``with`` ends all of it.
 
     ``robot``: a packaged name, a robot file, or a description (:class:`omni_schema.Robot`). ``scenario``: name, file or
     object of a scenario, whose world, faults and parameters count, its events not; None: a floor with slip and pose
@@ -58,10 +70,14 @@ def simulate(
     from hil_sim.simulated_robot import simulated
 
     real_time = speed == REAL_TIME
-    with simulated(robot, world=world, scenario=scenario, seed=seed, real_time=real_time) as simulation:
+    with ExitStack() as stack:
+        simulation = stack.enter_context(
+            simulated(robot, world=world, scenario=scenario, seed=seed, real_time=real_time)
+        )
         link = open_link(simulation.link) if isinstance(simulation.link, str) else simulation.link
         connection = Connection(link, clock=simulation.clock or time.monotonic)
         made = SimulatedRobot(connection, table=parameter_table())
         made.simulation = simulation
-        with await_and_serve(made, record=record, background=background and real_time) as connected:
-            yield connected
+        await_and_serve(made, record=record, background=background and real_time)
+        made._world = stack.pop_all()
+        return made

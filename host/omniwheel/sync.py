@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +62,6 @@ def simulate(
     seed: int | None = 0,
     speed: str = MAX,
     record: bool = True,
-) -> AbstractContextManager[SimulatedRobot]:
+) -> SimulatedRobot:
     """Simulate a robot, as :func:`omniwheel.simulate`, without a thread; in simulated time unless told otherwise."""
     return _simulate(robot, world=world, scenario=scenario, seed=seed, speed=speed, record=record, background=False)

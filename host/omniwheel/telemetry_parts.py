@@ -9,6 +9,7 @@ from typing import ClassVar, TypeVar
 
 from omniwheel._core import ffi, lib
 from omniwheel.dialect import Message
+from omniwheel.errors import SetpointError
 
 _FAULT_BITS = 32
 
@@ -30,6 +31,15 @@ class Telemetry(ABC):
 def decode(kind: type[TelemetryT], message: Message) -> TelemetryT | None:
     """Decode ``message`` as ``kind``, or return None if it is another message."""
     return kind.decoded(message) if message.get_type() == kind.message else None
+
+
+def require_kinds(*kinds: object) -> None:
+    """Raise SetpointError for what is no class of telemetry."""
+    for kind in kinds:
+        if not (isinstance(kind, type) and issubclass(kind, Telemetry)):
+            raise SetpointError(
+                f"{kind!r} is no kind of telemetry", hint="give a class, for example omniwheel.telemetry.Battery"
+            )
 
 
 def fault_names(bits: int) -> tuple[str, ...]:

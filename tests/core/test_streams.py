@@ -43,6 +43,7 @@ def test_a_pose_stream_that_ends_at_its_pose_holds_it() -> None:
     assert out.state == lib.OMNI_STATE_ARMED
     assert out.fault_history & lib.OMNI_FAULT_COMMAND_LOSS == 0
     assert (out.reference.pose.x, out.reference.pose.y, out.reference.pose.theta) == pytest.approx(goal, abs=1e-4)
+    assert out.setpoint_kind == lib.OMNI_SETPOINT_NONE
 
 
 @pytest.mark.parametrize("twist", [(0.0, 0.0, 0.0), (0.02, 0.0, 0.0)])

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from omniwheel import Robot, aio
+from omniwheel import SimulatedRobot, aio
 from omniwheel.errors import DriveError
 from omniwheel.telemetry import GyroState, Tracking
 from tests.waiting import LONGEST_S, pass_time
@@ -73,7 +73,7 @@ def test_every_method_is_there_and_awaited() -> None:
 
     async def main() -> None:
         async with aio.simulate() as robot:
-            for name, method in inspect.getmembers(Robot):
+            for name, method in inspect.getmembers(SimulatedRobot):
                 if is_waiting(name, method):
                     assert callable(getattr(robot, name))
                     assert getattr(robot, name).__doc__ == method.__doc__

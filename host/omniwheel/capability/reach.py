@@ -117,7 +117,8 @@ def check_pose(pose: Pose, position_limit_m: float) -> None:
     if abs(pose.theta) > 2.0 * math.pi:
         raise LimitError(
             f"theta = {pose.theta:g} rad is more than one turn",
-            hint=f"angles are in radians; for degrees write {pose.theta:g}deg",
+            hint=f"angles are in radians; {pose.theta:g} degrees: math.radians({pose.theta:g}), on a command line "
+            f"{pose.theta:g}deg",
             limit="one turn",
             asked=abs(pose.theta),
             possible=math.tau,

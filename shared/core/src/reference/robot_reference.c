@@ -38,8 +38,9 @@ static omni_twist_t approach_twist(omni_twist_t from, omni_twist_t to, omni_real
     return from;
 }
 
-/* Speed per distance, 1/s, that comes to rest at distance 0 with at most `acceleration`. Proportional near the setpoint,
- * where the deceleration is the rate times the speed; further away v^2 = 2 a (d - d0 / 2), which meets it at d0. */
+/* Speed per distance, 1/s, that comes to rest at distance 0 with at most `acceleration`. Near the setpoint it is
+ * constant, and the deceleration is this rate times the speed; further away v^2 = 2 a (d - d0 / 2), which meets it at
+ * distance d0. */
 static omni_real_t approach_rate(omni_real_t distance, omni_real_t acceleration) {
     const omni_real_t proportional = acceleration / (POSE_APPROACH_RATE * POSE_APPROACH_RATE);
     const omni_real_t d = omni_select(distance > proportional, distance, proportional);
@@ -197,6 +198,9 @@ static void follow_setpoint(omni_reference_generator_t *generator, const omni_ro
     switch (target->kind) {
     case OMNI_SETPOINT_POSE:
         approach_pose_setpoint(generator, c, inputs, target);
+        if (omni_robot_age_s(inputs->time_us, inputs->setpoint.time_us) > c->limits.command_timeout_s) {
+            target->kind = OMNI_SETPOINT_NONE; /* its stream has ended there: the pose is held */
+        }
         break;
     case OMNI_SETPOINT_VELOCITY_BODY:
     case OMNI_SETPOINT_VELOCITY_WORLD:
