@@ -161,7 +161,7 @@ void App::update_owner() {
 }
 
 /// Leave hardware-in-the-loop: always possible, over any link, armed or not; ends with motors off.
-uint8_t App::switch_hil(bool enable, size_t link) {
+OMNI_COLD uint8_t App::switch_hil(bool enable, size_t link) {
     if (enable) {
         return enter_hil(link);
     }

@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from omni_schema import Robot as RobotFile
@@ -35,13 +34,11 @@ class SimulatedRobot(Robot):
         """Disarm, close the link and end the simulation."""
         self.__exit__(None, None, None)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *exception: Any) -> None:
         end = ExitStack()
         end.push(self._world)  # it knows better than the link why the firmware is gone
         end.callback(super().close)
-        end.__exit__(kind, error, trace)
+        end.__exit__(*exception)
 
 
 def simulate(

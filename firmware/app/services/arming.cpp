@@ -32,7 +32,7 @@ void Arming::warn_missing_output_enable() {
     }
 }
 
-uint8_t Arming::arm(const Sender &sender) {
+OMNI_COLD uint8_t Arming::arm(const Sender &sender) {
     const uint8_t state = robot_.state();
     if (robot_.reboot_requested()) {
         texts_.refuse(MAV_SEVERITY_WARNING, Text().add("cannot arm: rebooting"));

@@ -70,7 +70,7 @@ void SigningService::store_time_if_due() {
     }
 }
 
-void SigningService::report_refused() {
+OMNI_COLD void SigningService::report_refused() {
     const SigningCounts &counts = signing_.counts();
     const bool quiet =
         clock_.now_us >= last_text_us_ && clock_.now_us - last_text_us_ < text_interval_us && last_text_us_ != 0;

@@ -99,7 +99,7 @@ void StatusTexts::report_link_changes() {
 }
 
 /// Report once per link and press, until the release of the e-stop.
-void StatusTexts::report_button() {
+OMNI_COLD void StatusTexts::report_button() {
     const bool pressed = button_.pressed();
     for (size_t link = 0; link < links_.count(); ++link) {
         if (pressed && !button_reported_[link] && links_[link].connected()) {
