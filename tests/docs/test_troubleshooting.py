@@ -22,10 +22,13 @@ ELSEWHERE = {
 
 
 def texts(path: Path) -> list[str]:
-    """Return the pieces of text in a source file that are words: at least one blank between letters."""
+    """Return the pieces of text in a source file that are words: at least one blank between letters.
+
+    A `#` stands for a byte, whatever it is.
+    """
     lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith(("#", "static_"))]
     lines = [line for line in lines if "static_assert" not in line]
-    found = [text.strip(" :,") for line in lines for text in LITERAL.findall(line)]
+    found = [piece.strip(" :,") for line in lines for text in LITERAL.findall(line) for piece in text.split("#")]
     return [text for text in found if len(text) >= SHORTEST and re.search(r"[a-z] [A-Za-z]", text)]
 
 
