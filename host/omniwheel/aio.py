@@ -35,6 +35,7 @@ from omniwheel.telemetry import TelemetryT
 MOTIONS = ("drive", "drive_to", "follow", "follow_trajectory", "turn_to")
 """Methods that are still at it when they are cancelled, and the robot with them."""
 _END = object()
+_AGAIN_S = 0.1
 T = TypeVar("T")
 
 
@@ -88,10 +89,12 @@ class Robot(_Awaited):
         try:
             return await asyncio.shield(motion)
         except asyncio.CancelledError:
-            with suppress(OmniError):
-                await _in_thread(self._wrapped.stop)
+            while not motion.done():  # its thread may only be about to begin it
+                with suppress(OmniError):
+                    await _in_thread(self._wrapped.stop)
+                await asyncio.wait({motion}, timeout=_AGAIN_S)
             with suppress(OmniError):  # the one that stop() ended
-                await motion
+                motion.result()
             raise
 
     def on(self, kind: type[TelemetryT], callback: Callable[[TelemetryT], Any]) -> Callable[[], None]:

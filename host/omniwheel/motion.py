@@ -21,7 +21,7 @@ from omniwheel.errors import (
 )
 from omniwheel.frames import Pose, Twist
 from omniwheel.motion_profile import Profile, profile
-from omniwheel.motion_watch import Motion, latest_tracking
+from omniwheel.motion_watch import Motion, ended_by, latest_tracking
 from omniwheel.robot_base import SETPOINT_PERIOD_S, RobotBase
 from omniwheel.setpoints import finite, pose_target, velocity_target
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 PATIENCE = 1.5
 """Time that a drive may take, times the one that it should take, unless told otherwise."""
 FRAMES = ("world", "body")
+_ANOTHER_MOTION = "another motion"
 _RAMP_SHARE = 0.5
 """Share of LIM_A with which a drive of a given speed gains it."""
 
@@ -47,6 +48,9 @@ class MovingRobot(RobotBase):
     """Number of the latest motion. One that finds another number here has been replaced."""
     _latest_call = ""
     """What began with the latest number: another motion, or a method that stops."""
+    _stops = 0
+    _latest_stop = ""
+    """How many methods that stop have been called, and the last: one that comes before a motion begins ends it, too."""
     _stream: Callable[[], None] | None = None
     """The setpoint that is repeated for the latest motion."""
 
@@ -86,7 +90,7 @@ class MovingRobot(RobotBase):
         Raises LimitError before anything moves if the robot cannot go there, so fast, or in this time; NotArrivedError
         if it is not there in time; StoppedError; LinkError.
         """
-        self._require_armed()
+        stops = self._require_armed()
         goal = self.goal(x, y, heading, frame)
         allowed_s = self.allowed_time_s(goal, timeout_s, speed=speed)
         way = None if speed is None else self._profile(goal, speed)
@@ -96,7 +100,7 @@ class MovingRobot(RobotBase):
             pose, twist = (goal, None) if way is None else way.at(self.connection.clock() - start_s)
             self.send(pose_target(self.connection, pose, twist))
 
-        with self._moving(ask, goal, progress) as motion:
+        with self._moving(ask, goal, progress, stops) as motion:
             while not motion.is_at_goal() or (way is not None and motion.time_s < way.duration_s):
                 if motion.time_s > allowed_s or motion.is_stuck():
                     raise motion.not_arrived()
@@ -190,18 +194,19 @@ class MovingRobot(RobotBase):
     ) -> Driven:
         """Follow a line on the floor on a smooth path without stops, and return at its end. Then the robot holds.
 
-        It drives to the first point before, straight from where it is.
+        It drives to the first point before, straight from where it is. What limits it are LIM_WHEEL, TRJ_MARGIN and
+        LIM_A.
 
         ``path``: world positions x, y [m] as a sequence, a NumPy array (n, 2), an object with ``coords`` (shapely), or
         a CSV file of them; or a :class:`~omniwheel.drawn_path.DrawnPath`. The robot plans it itself, and slows down
         to what its limits need. ``speed`` [m/s], ``heading`` [rad] to keep (None: along the path), ``laps`` as of
         :func:`~omniwheel.drawn_path.drawn_path`. Raises DrawnPathError, LimitError, NotArrivedError, StoppedError.
         """
-        self._require_armed()
+        stops = self._require_armed()
         line = as_path(path, speed, heading, laps)
         line.require(self)
         goal = line.points[-1] if 0.0 < line.laps <= 1.0 else None
-        with self._moving(None, goal, progress) as motion:
+        with self._moving(None, goal, progress, stops) as motion:
             line.start(self)
             motion.until_path_done(timeout_s)
         return motion.result
@@ -219,8 +224,8 @@ class MovingRobot(RobotBase):
 
         Raises NotArrivedError after ``timeout_s``, StoppedError, CommandRefusedError.
         """
-        self._require_armed()
-        with self._moving(None, None, progress) as motion:
+        stops = self._require_armed()
+        with self._moving(None, None, progress, stops) as motion:
             self.start_trajectory(type, laps, period_s)
             motion.until_path_done(timeout_s)
         return motion.result
@@ -242,11 +247,11 @@ class MovingRobot(RobotBase):
         ``frame``: "body" or "world". Raises LimitError before anything moves if the robot cannot follow it,
         StoppedError.
         """
-        self._require_armed()
+        stops = self._require_armed()
         if finite("duration_s", duration_s) <= 0.0:
             raise SetpointError(f"duration_s is {duration_s:g} s; must be above 0")
         self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
-        with self._moving(self._velocity(vx, vy, wz, frame), None, progress) as motion:
+        with self._moving(self._velocity(vx, vy, wz, frame), None, progress, stops) as motion:
             while motion.time_s < duration_s:
                 motion.wait(duration_s - motion.time_s)
             self._come_to_rest(motion)
@@ -259,10 +264,11 @@ class MovingRobot(RobotBase):
         something waits with :mod:`omniwheel.sync`. It ends when the robot stops; the next motion raises why. Raises
         LimitError if the robot cannot follow it, StoppedError.
         """
-        self._require_armed()
+        stops = self._require_armed()
         self.require_velocity(vx, vy, wz, frame=frame)
-        self._begin()
-        self._repeat(self._velocity(vx, vy, wz, frame))
+        with self.connection.monitor:
+            self._begin(stops=stops)
+            self._repeat(self._velocity(vx, vy, wz, frame))
 
     # ---- to rest
 
@@ -274,7 +280,7 @@ class MovingRobot(RobotBase):
         """
         number = self._begin("robot.stop()")
         if self._may_drive():
-            with suppress(StoppedError), self._moving(None, None, None, "robot.stop()") as motion:
+            with suppress(StoppedError), self._moving(None, None, None, call="robot.stop()") as motion:
                 number, motion.quiet = motion.number, True
                 self._come_to_rest(motion)
                 return
@@ -292,11 +298,13 @@ class MovingRobot(RobotBase):
         """Power the motors off; always possible."""
         self._forget_motion("robot.disarm()")
         super().disarm()
+        self._forget_motion("robot.disarm()")  # what another thread has begun meanwhile
 
     def estop(self) -> None:
-        """Emergency stop, latched until :meth:`estop_clear`."""
+        """Power the motors off at once, latched until :meth:`estop_clear`. The robot rolls on; :meth:`stop` brakes."""
         self._forget_motion("robot.estop()")
         super().estop()
+        self._forget_motion("robot.estop()")  # what another thread has begun meanwhile
 
     def _forget_motion(self, by: str) -> None:
         self._begin(by)
@@ -307,7 +315,9 @@ class MovingRobot(RobotBase):
     def _may_drive(self) -> bool:
         return (self.armed_here or self.status.armed) and not self.guard.is_over
 
-    def _require_armed(self) -> None:
+    def _require_armed(self) -> int:
+        """Return how many stops there have been; raise DriveError if the robot is not armed."""
+        stops = self._stops
         self.guard.check()
         if not (self.armed_here or self.status.armed):
             if self.status.state == "estop":
@@ -317,6 +327,7 @@ class MovingRobot(RobotBase):
                 )
             raise DriveError("the robot is not armed, so it cannot drive", hint="arm it first: robot.arm()")
         self.guard.join()
+        return stops
 
     def _velocity(self, vx: float, vy: float, wz: float, frame: str = "body") -> Callable[[], None]:
         """Return what sends a velocity as the motion's own setpoint."""
@@ -346,14 +357,16 @@ class MovingRobot(RobotBase):
         ask: Callable[[], None] | None,
         goal: Pose | None,
         progress: Progress | None,
-        call: str = "another motion",
+        stops: int | None = None,
+        call: str = _ANOTHER_MOTION,
     ) -> Iterator[Motion]:
         """Watch a motion while the context lasts; then hold. ``ask`` is the setpoint that is repeated, if there is one.
 
+        ``stops`` is how many there had been when the motion was asked for: StoppedError if one has come since.
         ``call`` is what a motion that this one replaces says.
         If the motion ends by an error, the robot is brought to rest, as far as it can be reached.
         """
-        motion = Motion(self, self._begin(call), self._replaced_by, goal, progress)
+        motion = Motion(self, self._begin(call, stops), self._replaced_by, goal, progress)
         try:
             if ask is None:
                 self.connection.repeat(None)
@@ -393,11 +406,15 @@ class MovingRobot(RobotBase):
         """Return what has taken the place of the motion of a number; "" if nothing has."""
         return self._latest_call if self._motion != number else ""
 
-    def _begin(self, call: str = "another motion") -> int:
+    def _begin(self, call: str = _ANOTHER_MOTION, stops: int | None = None) -> int:
         """Return the number of a new motion; ``call`` is what ended the one before."""
         with self.connection.monitor:
+            if stops is not None and stops != self._stops:
+                raise ended_by(self._latest_stop)
             self._motion += 1
             self._latest_call = call
+            if call != _ANOTHER_MOTION:
+                self._stops, self._latest_stop = self._stops + 1, call
             return self._motion
 
 

@@ -36,6 +36,11 @@ def latest_tracking(robot: RobotBase) -> Tracking:
     return robot.status.tracking or robot.wait_for(Tracking)
 
 
+def ended_by(call: str) -> StoppedError:
+    """Return the error of a motion that a call of the same program has ended."""
+    return StoppedError(f"ended by {call} of another thread or a callback of this program")
+
+
 class Motion:
     """A motion under way: what the robot says meanwhile, and whether it still drives.
 
@@ -92,7 +97,7 @@ class Motion:
     def check(self) -> None:
         """Raise StoppedError if the robot stopped, or another motion has begun."""
         if call := self._replaced_by(self.number):
-            raise StoppedError(f"ended by {call} of another thread or a callback of this program")
+            raise ended_by(call)
         self._robot.guard.check()
 
     def wait(self, at_most_s: float = SETPOINT_PERIOD_S) -> None:

@@ -57,6 +57,21 @@ def test_a_motion_that_is_cancelled_brings_the_robot_to_rest() -> None:
     asyncio.run(main())
 
 
+def test_a_motion_that_is_cancelled_before_it_has_begun_does_not_drive() -> None:
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            await robot.parameters.set_many(PATIENT)
+            await robot.arm()
+            drive = asyncio.ensure_future(robot.drive_to(3.0, 0.0, speed=0.3))
+            await asyncio.sleep(0)  # the call has begun, its thread has not asked the robot for anything yet
+            drive.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await drive
+            assert robot.simulation.true_pose.x < 1.0
+
+    asyncio.run(main())
+
+
 def test_errors_are_those_of_the_library() -> None:
     async def main() -> None:
         async with aio.simulate() as robot:

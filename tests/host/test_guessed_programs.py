@@ -89,6 +89,53 @@ def test_a_stopped_motion_names_what_stopped_it(end: str) -> None:
         assert ("another motion" if end == "velocity" else f"robot.{end}()") in error.reason
 
 
+MOTIONS: dict[str, Callable[[SimulatedRobot], object]] = {
+    "drive_to": lambda robot: robot.drive_to(1.0, 0.0),
+    "drive_to at a speed": lambda robot: robot.drive_to(1.0, 0.0, speed=0.2),
+    "turn_to": lambda robot: robot.turn_to(1.0),
+    "follow": lambda robot: robot.follow([(0.0, 0.0), (0.5, 0.2), (1.0, 0.0)]),
+    "drive": lambda robot: robot.drive(0.2, 0.0, 0.0, 5.0),
+    "velocity": lambda robot: robot.velocity(0.2, 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("end", ["estop", "disarm", "stop", "hold"])
+@pytest.mark.parametrize("motion", list(MOTIONS.values()), ids=list(MOTIONS))
+def test_a_stop_between_the_request_and_its_first_setpoint_ends_it(
+    robot: SimulatedRobot, motion: Callable[[SimulatedRobot], object], end: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As from another thread, whose stop comes when the motion has seen that the robot is armed."""
+    required = robot._require_armed
+
+    def stopped_behind_it() -> int:
+        stops = required()
+        getattr(robot, end)()
+        return stops
+
+    monkeypatch.setattr(robot, "_require_armed", stopped_behind_it)
+    with pytest.raises(StoppedError) as caught:
+        motion(robot)
+    assert f"robot.{end}()" in caught.value.reason
+    robot.sleep(1.0)  # each of the motions would be 0.1 m or 0.1 rad away by then
+    pose = robot.simulation.true_pose
+    assert math.hypot(pose.x, pose.y) < 0.02
+    assert abs(pose.theta) < 0.02
+
+
+@pytest.mark.parametrize("end", ["estop", "disarm"])
+def test_a_motion_that_begins_while_the_stop_is_on_its_way_is_over(robot: SimulatedRobot, end: str) -> None:
+    send = robot.commands.send
+
+    def begun_meanwhile(*arguments: Any, **named: Any) -> None:
+        robot.commands.send = send  # type: ignore[method-assign]
+        robot.velocity(0.2, 0.0, 0.0)
+        send(*arguments, **named)
+
+    robot.commands.send = begun_meanwhile  # type: ignore[method-assign]
+    getattr(robot, end)()
+    assert not robot.connection.end_repeating(robot._stream)
+
+
 @pytest.mark.parametrize("kind", ["Battery", None, int])
 def test_only_a_class_of_telemetry_can_be_listened_to(robot: SimulatedRobot, kind: Any) -> None:
     with pytest.raises(SetpointError):
