@@ -132,6 +132,7 @@ class HilLoop:
         """
         end = self.link.ticks + ticks
         while self.link.ticks < end:
+            self.robot.connection.raise_pending()  # a recorder that failed, as on a full disk
             self.robot.connection.beat()
             self._take(self.link.serve())
             if self.link.ticks >= self._next_measurement and not self.link.silent:

@@ -276,7 +276,8 @@ class Connection:
             self._raised = error
             self.monitor.notify_all()
 
-    def _raise_pending(self) -> None:
+    def raise_pending(self) -> None:
+        """Raise what :meth:`raise_in_pump` was given, for a loop that serves the link without :meth:`pump`."""
         raised, self._raised = self._raised, None
         if raised is not None:
             raise raised
@@ -381,7 +382,7 @@ class Connection:
             left = end - self.clock()
             self.poll(left)
             if raises and (self._thread is None or not self._thread.is_current):
-                self._raise_pending()
+                self.raise_pending()
             if left <= 0.0:
                 return
 

@@ -26,7 +26,7 @@ SLOTS = 3
 POLL_S = 0.2
 TAIL = 25
 """Lines that are shown of a step that passed; its log has all."""
-TEST_ARGS = "--passed build/ci/bare-passed.txt --durations 20"
+TEST_ARGS = "--passed=build/ci/bare-passed.txt --durations 20"
 
 
 @dataclass(frozen=True)
