@@ -15,9 +15,9 @@ def nightly(folder: Path, *steps: str) -> subprocess.CompletedProcess[str]:
 
 
 def repository(folder: Path, program: str) -> Path:
-    """Return a repository in which `omni` is this shell program."""
+    """Return a repository in which Python is this shell program."""
     script = (ROOT / ".ci" / "nightly").read_text(encoding="utf-8")
-    for path, text in ((".ci/nightly", script), (".venv/bin/omni", f"#!/bin/sh\n{program}\n")):
+    for path, text in ((".ci/nightly", script), (".venv/bin/python", f"#!/bin/sh\n{program}\n")):
         (folder / path).parent.mkdir(parents=True, exist_ok=True)
         (folder / path).write_text(text, encoding="utf-8")
         (folder / path).chmod(0o755)

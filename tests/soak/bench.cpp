@@ -95,7 +95,7 @@ void Bench::tick() {
     hil_world_sense(&world_, &sensors);
     std::copy(sensors.counts, sensors.counts + OMNI_MAX_WHEELS, robot.encoders.counts);
     fuzz::Robot::set_battery(static_cast<float>(sensors.battery_V));
-    if (sensors.has_fix && !sensors.fix.lost) {
+    if (sensors.has_fix && !sensors.fix.dropped) {
         pass_fix(sensors);
     }
     if (beats && ticks_ % beat_ms == 0) {
