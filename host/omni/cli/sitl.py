@@ -159,8 +159,8 @@ def sitl(
                 if end_with_stdin:
                     read_input(None, True)
                 around = None if no_world else scenario_name
-                firmware = _firmware_alone(emulated, image, scenario, links, storage, lockstep, around, world_robot)
-                with firmware:
+                alone = _firmware_alone(emulated, image, scenario, links, storage, lockstep, around, world_robot)
+                with alone as firmware:
                     what = _STANDING if no_world else scenario.description
                     announce(firmware.urls, scenario.robot.name, what, json_wanted)
                     wait_for_end(firmware)
