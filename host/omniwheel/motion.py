@@ -105,7 +105,7 @@ class MovingRobot(RobotBase):
                 if motion.time_s > allowed_s or motion.is_stuck():
                     raise motion.not_arrived()
                 motion.wait()
-            way, motion.holds_goal = None, True
+            way, motion.holds_goal = None, True  # the last setpoint is the goal itself
         return motion.result
 
     def turn_to(
@@ -296,15 +296,22 @@ class MovingRobot(RobotBase):
 
     def disarm(self) -> None:
         """Power the motors off; always possible."""
-        self._forget_motion("robot.disarm()")
-        super().disarm()
-        self._forget_motion("robot.disarm()")  # what another thread has begun meanwhile
+        with self._ending_motions("robot.disarm()"):
+            super().disarm()
 
     def estop(self) -> None:
         """Power the motors off at once, latched until :meth:`estop_clear`. The robot rolls on; :meth:`stop` brakes."""
-        self._forget_motion("robot.estop()")
-        super().estop()
-        self._forget_motion("robot.estop()")  # what another thread has begun meanwhile
+        with self._ending_motions("robot.estop()"):
+            super().estop()
+
+    @contextmanager
+    def _ending_motions(self, by: str) -> Iterator[None]:
+        """End what moves the robot, and what another thread begins meanwhile; also if the robot does not answer."""
+        self._forget_motion(by)
+        try:
+            yield
+        finally:
+            self._forget_motion(by)
 
     def _forget_motion(self, by: str) -> None:
         self._begin(by)

@@ -63,7 +63,9 @@ def test_a_motion_that_is_cancelled_before_it_has_begun_does_not_drive() -> None
             await robot.parameters.set_many(PATIENT)
             await robot.arm()
             drive = asyncio.ensure_future(robot.drive_to(3.0, 0.0, speed=0.3))
-            await asyncio.wait({drive}, timeout=0.0)  # the call has begun, its thread has not asked the robot for anything yet
+            await asyncio.wait(
+                {drive}, timeout=0.0
+            )  # the call has begun, its thread has not asked the robot for anything yet
             drive.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await drive

@@ -6,13 +6,14 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
 
 import omniwheel
 from omniwheel import StoppedError, robot_base, sync
-from omniwheel.errors import DriveError, OmniError, SetpointError, UnknownParameterError
+from omniwheel.errors import DriveError, LinkTimeoutError, OmniError, SetpointError, UnknownParameterError
 from omniwheel.simulation import SimulatedRobot
 from omniwheel.telemetry import Tracking
 
@@ -122,17 +123,23 @@ def test_a_stop_between_the_request_and_its_first_setpoint_ends_it(
     assert abs(pose.theta) < 0.02
 
 
+@pytest.mark.parametrize("answered", [True, False])
 @pytest.mark.parametrize("end", ["estop", "disarm"])
-def test_a_motion_that_begins_while_the_stop_is_on_its_way_is_over(robot: SimulatedRobot, end: str) -> None:
+def test_a_motion_that_begins_while_the_stop_is_on_its_way_is_over(
+    robot: SimulatedRobot, end: str, answered: bool
+) -> None:
     send = robot.commands.send
 
     def begun_meanwhile(*arguments: Any, **named: Any) -> None:
         robot.commands.send = send  # type: ignore[method-assign]
         robot.velocity(0.2, 0.0, 0.0)
+        if not answered:
+            raise LinkTimeoutError("no answer")
         send(*arguments, **named)
 
     robot.commands.send = begun_meanwhile  # type: ignore[method-assign]
-    getattr(robot, end)()
+    with nullcontext() if answered else pytest.raises(LinkTimeoutError):
+        getattr(robot, end)()
     assert not robot.connection.end_repeating(robot._stream)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from enum import Enum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 from rich.markup import escape
@@ -20,9 +20,6 @@ from omni.cli.image_check import print_outcome
 from omni.cli.options import ListOption, OwnSeedOption, page_option
 from omniwheel import files
 from omniwheel.errors import OmniError
-
-if TYPE_CHECKING:
-    pass
 
 EXAMPLES = examples(
     "python -m omni.checks image .pio/build/three_wheel/firmware.elf",
