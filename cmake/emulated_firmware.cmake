@@ -24,6 +24,7 @@ ExternalProject_Add(
   BINARY_DIR "${mps2_dir}"
   CMAKE_ARGS "-DCMAKE_TOOLCHAIN_FILE=${PROJECT_SOURCE_DIR}/cmake/arm-none-eabi.cmake" "-DOMNI_GENERATED=${OMNI_GENERATED}"
              "-DOMNI_WERROR=${OMNI_WERROR}"
+             "-DCMAKE_MAKE_PROGRAM=${CMAKE_MAKE_PROGRAM}" # pip's Ninja is not on the PATH
   INSTALL_COMMAND ""
   DEPENDS omni_tables omni_mavlink omni_version
   BUILD_ALWAYS ON)

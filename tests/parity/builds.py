@@ -72,7 +72,7 @@ def make(build: Build) -> None:
     """Configure and build; incremental."""
     generated = OUT / "generated"
     if not (build.folder / "build.ninja").exists():
-        options = [f"-DOMNI_GENERATED={generated}"]
+        options = [f"-DOMNI_GENERATED={generated}", f"-DCMAKE_MAKE_PROGRAM={tool('ninja')}"]
         if build.is_cortex_m7:
             options.append(f"-DCMAKE_TOOLCHAIN_FILE={ROOT / 'cmake' / 'arm-none-eabi.cmake'}")
         else:
