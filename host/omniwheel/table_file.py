@@ -83,6 +83,8 @@ _Row = tuple[int, list[str]]
 
 def _rows(path: Path, wanted: TableFormat) -> tuple[list[_Row], _Row | None]:
     """Return the rows, and the comment before them that names columns, if there is one."""
+    if path.is_char_device():  # /dev/zero has no end
+        raise wanted.wrong(f"{path} is a device; give a file")
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
         comments = [

@@ -6,6 +6,7 @@ The memory it needs does not grow with the log.
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
@@ -55,6 +56,8 @@ class TlogReader:
     """The log itself, where it is in no file."""
 
     def _open(self) -> IO[bytes]:
+        if self.path.is_char_device():  # /dev/zero has no end
+            raise OSError(errno.EINVAL, "is a device; give a file", str(self.path))
         return self.path.open("rb") if self.records is None else BytesIO(self.records)
 
     def __iter__(self) -> Iterator[Message]:

@@ -23,6 +23,8 @@ _LARGEST = 2**64
 def read_toml(path: Path) -> dict[str, Any]:
     """Parse the TOML file at ``path``; raise SchemaError if it cannot be read or is not TOML."""
     try:
+        if path.is_char_device():  # /dev/zero has no end
+            raise SchemaError(str(path), "", "is a device; give a file")
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise SchemaError(str(path), "", "no such file; check the path") from None
