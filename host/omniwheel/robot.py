@@ -70,6 +70,8 @@ class Robot(MovingRobot):
     _callbacks: Callbacks | None = None
     _recording: Recording | None = None
     _watched: tuple[str, ...] = ()
+    robot_file: bytes = b""
+    """The text of the robot file; empty for a robot on a link, which does not send it."""
 
     def close(self) -> None:
         """Disarm if this object armed the robot, then close the link."""
@@ -183,7 +185,7 @@ class Robot(MovingRobot):
             raise LogError(
                 "this connection is not recorded", hint="robot.record() begins; connect(record=True) does so"
             )
-        return self._recording.run()
+        return self._recording.run(self.parameters.known, self.robot_file)
 
     def _leave(self) -> None:
         """Give the link its own rates back, unless the robot is gone."""

@@ -13,7 +13,7 @@ from omniwheel.connection import Connection
 from omniwheel.errors import SetpointError
 from omniwheel.link import open_link
 from omniwheel.robot import Robot, await_and_serve
-from omniwheel.robots import parameter_table
+from omniwheel.robots import find_robot_file, parameter_table
 
 if TYPE_CHECKING:
     from hil_sim.simulated_robot import Simulation
@@ -75,6 +75,7 @@ def simulate(
         connection = Connection(link, clock=simulation.clock or time.monotonic)
         made = SimulatedRobot(connection, table=parameter_table())
         made.simulation = simulation
+        made.robot_file = b"" if isinstance(robot, RobotFile) else find_robot_file(robot).read_bytes()
         await_and_serve(made, record=record, background=background and real_time)
         made._world = stack.pop_all()
         return made

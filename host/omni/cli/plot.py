@@ -38,16 +38,17 @@ def plot(
     from hil_sim.summary import PICTURE_FILE
     from omniwheel.drive_log.folder import DRIVE_FILE, TLOG_FILE
     from omniwheel.logs.run_folder import load_run
+    from omniwheel.tlog_reader import ENDINGS
 
     if out is not None:
         new_path(out, "the picture", force=force)
     log = run / TLOG_FILE if run.is_dir() and (run / DRIVE_FILE).is_file() else run
-    if log.suffix == ".tlog":
+    if log.suffix in ENDINGS:
         _plot_log(log, out, json_wanted, part)
         return
     if not run.exists():
         raise RunFolderError(
-            f"{run} does not exist", hint="give a .tlog file or the folder of a run; `omni runs` lists them"
+            f"{run} does not exist", hint="give a .tlog or .mcap file or the folder of a run; `omni runs` lists them"
         )
     if part is not None:
         raise typer.BadParameter("--part chooses a part of a telemetry log; a simulated run has none")
