@@ -81,7 +81,7 @@ def write_mcap(
     if robot_file:
         writer.add_attachment(0, 0, ROBOT_FILE, _TOML_TYPE, robot_file)
     if parameters:
-        writer.add_metadata(PARAMETERS, {name: repr(value) for name, value in sorted(parameters.items())})
+        writer.add_metadata(PARAMETERS, {name: repr(float(value)) for name, value in sorted(parameters.items())})
     for message in messages:
         kind = message.get_type()
         if kind not in _messages():
