@@ -16,7 +16,7 @@ from omniwheel.robot import Robot, await_and_serve
 from omniwheel.robots import find_robot_file, parameter_table
 
 if TYPE_CHECKING:
-    from hil_sim.simulated_robot import Simulation
+    from hil_sim.simulated_robot import Simulation as Simulation
 
 DEFAULT_ROBOT = "fast_three_wheel"
 REAL_TIME, MAX = "real time", "max"
