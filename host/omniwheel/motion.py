@@ -9,7 +9,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omniwheel.capability.reach import SETTLING_S, check_velocity, travel_time_s
+from omniwheel.capability.reach import check_velocity
+from omniwheel.capability.speeds import top_turn_rate
+from omniwheel.capability.travel import profile_time_s, travel_time_s, turn_acceleration
 from omniwheel.driven import Driven, Progress
 from omniwheel.errors import (
     DriveError,
@@ -28,8 +30,10 @@ from omniwheel.setpoints import finite, pose_target, velocity_target
 if TYPE_CHECKING:
     from omniwheel.drawn_path import DrawnPath
 
-PATIENCE = 1.5
-"""Time that a drive may take, times the one that it should take, unless told otherwise."""
+PATIENCE, PATIENCE_S = 1.5, 3.0
+"""Time that a drive may take unless told otherwise: factor of the one that it should take, and what is added."""
+FASTEST = 0.8
+"""A timeout below this fraction of the time that a drive should take is refused."""
 FRAMES = ("world", "body")
 _ANOTHER_MOTION = "another motion"
 _RAMP_SHARE = 0.5
@@ -84,7 +88,7 @@ class MovingRobot(RobotBase):
         ``x``, ``y`` [m] and ``heading`` [rad, counter-clockwise; None: as now] are in the ``frame`` "world", or "body":
         ahead, to the left, and turned from where the robot is now. With ``speed`` [m/s] it drives a straight line, with
         ramps of half of LIM_A. Without, it is as fast as TRJ_MARGIN, LIM_V, LIM_A and LIM_WHEEL let it. ``timeout_s``:
-        1.5 times the time that it should take, unless given. ``progress`` is called with each :class:`Tracking`.
+        1.5 × :meth:`travel_time_s` + 3 s unless given. ``progress`` is called with each :class:`Tracking`.
         A motion that is asked for meanwhile ends this one: StoppedError.
 
         Raises LimitError before anything moves if the robot cannot go there, so fast, or in this time; NotArrivedError
@@ -138,26 +142,29 @@ class MovingRobot(RobotBase):
         return Pose(here.x + c * x - s * y, here.y + s * x + c * y, theta)
 
     def travel_time_s(self, goal: Pose, speed: float | None = None) -> float:
-        """Return about how long the robot takes to a world pose [s]. Raises LimitError for one out of its reach."""
+        """Return how long :meth:`drive_to` takes to a world pose on a free floor [s], to about a tenth.
+
+        Raises LimitError for a pose out of reach.
+        """
         self.require_pose(*goal)
         if speed is not None:
-            return self._profile(goal, speed).duration_s + SETTLING_S
+            return profile_time_s(self._profile(goal, speed))
         margin = self.parameters["TRJ_MARGIN"]
-        return travel_time_s(self.drive_model(), latest_tracking(self).pose, goal, margin)
+        return travel_time_s(self.drive_model(), latest_tracking(self).reference, goal, margin)
 
     def allowed_time_s(self, goal: Pose, timeout_s: float | None = None, *, speed: float | None = None) -> float:
-        """Return how long a drive to a world pose may take [s]: ``timeout_s``, or 1.5 times what it should take.
+        """Return how long a drive to a world pose may take [s]: ``timeout_s``, or 1.5 × :meth:`travel_time_s` + 3 s.
 
         Raises LimitError for a pose out of reach, or a time in which the robot cannot be there.
         """
         needed_s = self.travel_time_s(goal, speed)
         if timeout_s is None:
-            return PATIENCE * needed_s
-        if timeout_s < needed_s - SETTLING_S:
+            return PATIENCE * needed_s + PATIENCE_S
+        if timeout_s < FASTEST * needed_s:
             here = latest_tracking(self).pose
             way = math.hypot(here.x - goal.x, here.y - goal.y)
             raise LimitError(
-                f"{way:.2f} m take this robot about {needed_s:.0f} s; the time given is {timeout_s:g} s",
+                f"{way:.2f} m take this robot about {needed_s:.1f} s; the time given is {timeout_s:g} s",
                 hint="give it more time or none, or see what limits the robot: omni robots check",
                 limit="time",
                 asked=timeout_s,
@@ -172,7 +179,8 @@ class MovingRobot(RobotBase):
         model = self.drive_model()
         acceleration = _RAMP_SHARE * model.acceleration_limit_m_s2
         here = latest_tracking(self).reference
-        way = profile(here, goal, speed, _RAMP_SHARE * model.turn_limit_rad_s, acceleration)
+        turn_rad_s, turn_rad_s2 = _RAMP_SHARE * top_turn_rate(model).value, _RAMP_SHARE * turn_acceleration(model)
+        way = profile(here, goal, speed, turn_rad_s, acceleration, turn_rad_s2)
         distance = math.hypot(goal.x - here.x, goal.y - here.y)
         if distance > 0.0:  # at the speed itself, too, even if the way is too short to reach it
             along = Twist(speed * (goal.x - here.x) / distance, speed * (goal.y - here.y) / distance, 0.0)

@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from omniwheel.capability.travel import ARRIVED_M, ARRIVED_RAD, ARRIVED_S
 from omniwheel.connection import Connection
 from omniwheel.driven import Driven, Progress, driven
 from omniwheel.errors import LinkTimeoutError, NotArrivedError, StoppedError
@@ -14,10 +15,6 @@ from omniwheel.frames import Pose
 from omniwheel.robot_base import SETPOINT_PERIOD_S, RobotBase
 from omniwheel.telemetry import Tracking, decode
 
-ARRIVED_M = 0.005
-ARRIVED_RAD = 0.02
-ARRIVED_S = 0.2
-"""Time that the robot has to be there, on its clock."""
 _BACK_S = 0.5
 """Path time that goes back by more is that of another path, even if the text that says so was lost."""
 _REST_M_S, _REST_RAD_S = 1e-3, 5e-3
