@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from omniwheel.capability.reach import check_velocity
 from omniwheel.capability.speeds import top_turn_rate
 from omniwheel.capability.travel import profile_time_s, travel_time_s, turn_acceleration
-from omniwheel.driven import Driven, Progress
+from omniwheel.driven import Driven, DrivenPath, Progress
 from omniwheel.errors import (
     DriveError,
     LimitError,
@@ -82,7 +82,7 @@ class MovingRobot(RobotBase):
         frame: str = "world",
         timeout_s: float | None = None,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Drive to a pose and return on arrival: within 5 mm and 0.02 rad for 0.2 s. Then the robot holds the goal.
 
         ``x``, ``y`` [m] and ``heading`` [rad, counter-clockwise; None: as now] are in the ``frame`` "world", or "body":
@@ -110,7 +110,7 @@ class MovingRobot(RobotBase):
                     raise motion.not_arrived()
                 motion.wait()
             way, motion.holds_goal = None, True  # the last setpoint is the goal itself
-        return motion.result
+        return motion.driven_path
 
     def turn_to(
         self,
@@ -119,7 +119,7 @@ class MovingRobot(RobotBase):
         frame: str = "world",
         timeout_s: float | None = None,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Turn on the spot to a heading [rad], the shorter way; as :meth:`drive_to`."""
         if frame not in FRAMES:
             raise _unknown_frame(frame)
@@ -199,7 +199,7 @@ class MovingRobot(RobotBase):
         laps: float = 1.0,
         timeout_s: float = math.inf,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Follow a line on the floor on a smooth path without stops, and return at its end. Then the robot holds.
 
         It drives to the first point before, straight from where it is. What limits it are LIM_WHEEL, TRJ_MARGIN and
@@ -217,7 +217,7 @@ class MovingRobot(RobotBase):
         with self._moving(None, goal, progress, stops) as motion:
             line.start(self)
             motion.until_path_done(timeout_s)
-        return motion.result
+        return motion.driven_path
 
     def follow_trajectory(
         self,
@@ -227,7 +227,7 @@ class MovingRobot(RobotBase):
         *,
         timeout_s: float = math.inf,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Follow the on-board trajectory to its end, as :meth:`start_trajectory` takes it. Then the robot holds.
 
         Raises NotArrivedError after ``timeout_s``, StoppedError, CommandRefusedError.
@@ -236,7 +236,7 @@ class MovingRobot(RobotBase):
         with self._moving(None, None, progress, stops) as motion:
             self.start_trajectory(type, laps, period_s)
             motion.until_path_done(timeout_s)
-        return motion.result
+        return motion.driven_path
 
     # ---- with a velocity
 
@@ -263,7 +263,7 @@ class MovingRobot(RobotBase):
             while motion.time_s < duration_s:
                 motion.wait(duration_s - motion.time_s)
             self._come_to_rest(motion)
-        return motion.result
+        return motion.driven
 
     def velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
         """Drive with a velocity [m/s, m/s, rad/s] until the next motion, :meth:`stop` or :meth:`hold`; returns at once.

@@ -29,6 +29,7 @@ from omniwheel.errors import (
 )
 from omniwheel.monitored import monitored
 from omniwheel.other_hardware import WHEELS, require_same_hardware
+from omniwheel.parameter_file import format_value
 from omniwheel.parameter_types import ParameterEnum, enum_of, typed
 from omniwheel.texts import TextLog
 
@@ -199,13 +200,19 @@ class Parameters(MutableMapping[str, float]):
 
     @contextmanager
     def changed(self, **values: ParameterValue) -> Iterator[None]:
-        """Set several parameters while the ``with`` block lasts, as :meth:`set_many`; then set the old values back."""
+        """Set several parameters while the ``with`` block lasts, as :meth:`set_many`; then set the old values back.
+
+        A parameter that is locked while the robot is armed is not set back if the robot is still armed at the end of
+        the block: ParameterError then says which ones stay changed, and how to set them back. The others are set back.
+        """
         before = self._read_all(values)
         try:
             self.set_many(values)
             yield
         finally:
-            self.set_many(before)
+            with self._connection.monitor:
+                now = self._read_all(before)
+                self._set_back({name: value for name, value in before.items() if now[name] != value})
 
     def forget(self) -> None:
         """Empty the cache, for instance after the robot restarted."""
@@ -340,11 +347,17 @@ class Parameters(MutableMapping[str, float]):
             todo = refused
 
     def _set_back(self, old: dict[str, float]) -> None:
+        """Set old values back, as many as the robot takes. Raises ParameterError that names those that stay changed."""
+        work = _Work("set back")
         try:
-            self._set_in_any_order(old, _Work("set back"))
+            self._set_in_any_order(dict(old), work)
         except ParameterRefusedError as error:
+            left = {name: value for name, value in old.items() if name not in work.confirmed}
+            stays = ", ".join(f"{name} = {self[name]}" for name in left)
+            values = ", ".join(f"{name}={format_value(None, value)}" for name, value in left.items())
             raise ParameterError(
-                f"some parameters could not be set back: {error}", hint="compare with `omni params diff`"
+                f"not set back, so the robot keeps {stays}: {'; '.join(error.reasons) or error}",
+                hint=f"first do what the robot asks for, then: robot.parameters.set_many(dict({values}))",
             ) from error
 
     def _set(self, name: str, value: float) -> None:

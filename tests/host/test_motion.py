@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import omniwheel
 from omniwheel import sync
-from omniwheel.errors import DriveError, LimitError, NotArrivedError, SetpointError
+from omniwheel.errors import ArmingRefusedError, DriveError, LimitError, NotArrivedError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.motion_profile import profile
 from omniwheel.simulation import SimulatedRobot
@@ -240,3 +240,22 @@ def test_a_profile_goes_from_start_to_goal_within_its_limits(
     wanted = [goal.x - start.x, goal.y - start.y, turned]
     assert driven == pytest.approx(wanted, abs=0.02 * max(1.0, np.abs(wanted).max()))
     assert np.abs(np.diff(poses[:, :2], axis=0)).max() <= speed * (times[1] - times[0]) * (1 + 1e-6) + 1e-9
+
+
+@pytest.mark.full
+def test_a_drive_with_a_velocity_has_no_error_and_one_to_a_pose_has(robot: SimulatedRobot) -> None:
+    drive = robot.drive(0.2, 0.0, 0.0, duration_s=0.5)
+    assert drive.largest_error_m is None
+    assert drive.errors is None
+    way = robot.drive_to(0.0, 0.0)
+    assert 0.0 < way.largest_error_m < 0.02
+    assert way.references.shape == way.poses.shape
+
+
+@pytest.mark.full
+def test_arming_in_an_emergency_stop_says_how_to_release_it() -> None:
+    with sync.simulate() as robot:
+        robot.estop()
+        with pytest.raises(ArmingRefusedError) as caught:
+            robot.arm()
+        assert "estop_clear()" in caught.value.hint

@@ -16,10 +16,12 @@ from typer.testing import CliRunner
 
 from omni.cli import app
 from omni_schema import as_float32
+from omniwheel import sync
 from omniwheel.errors import (
     LinkLostError,
     LinkTimeoutError,
     OtherRobotError,
+    ParameterError,
     ParameterFileError,
     ParameterRangeError,
     ParameterRefusedError,
@@ -330,3 +332,19 @@ def test_only_enums_have_an_enumeration(robot: Robot) -> None:
         robot.parameters.enum("LIM_V")
     with pytest.raises(UnknownParameterError):
         robot.parameters.enum("CTL_MOD")
+
+
+@pytest.mark.full
+def test_what_stays_changed_after_a_block_is_said() -> None:
+    with sync.simulate() as robot:
+        before = robot.parameters["LIM_V"]
+        with pytest.raises(ParameterError) as caught, robot.parameters.changed(FLOW_MODE="xy", LIM_V=0.3):
+            robot.arm()
+        assert "FLOW_MODE" in str(caught.value)
+        assert "LIM_V" not in str(caught.value)
+        assert robot.parameters.read("FLOW_MODE") == 1
+        assert robot.parameters.read("LIM_V") == before
+        robot.disarm()
+        remedy = caught.value.hint.rpartition("then: ")[2]
+        eval(remedy, {"robot": robot})
+        assert robot.parameters.read("FLOW_MODE") == 0
