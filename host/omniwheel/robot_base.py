@@ -205,7 +205,7 @@ class RobotBase:
             if error.result != CANCELLED:
                 self.guard.end()
                 if self.status.state == "estop":
-                    error.hint = "release it, then arm again: robot.estop_clear(), or `omni stop --clear`"
+                    error.hint = "release it, then arm again: robot.estop_clear(), or `omni stop --release`"
             else:
                 with suppress(OmniError):
                     self.disarm()  # a copy may still be on its way to the robot: this comes behind it

@@ -42,8 +42,12 @@ class Run:
 
     Times are the robot's clock [s]. Arrays have a row per message: ``pose`` and ``reference`` x [m], y [m], theta [rad,
     not wrapped] at ``time_s``, ``wheel_rad_s``, ``wheel_reference_rad_s`` and ``duty`` -1..1 per wheel at
-    ``wheel_time_s``.
+    ``wheel_time_s``. ``truth`` (k, 3) are the true world poses of a simulated robot at ``truth_time_s``, on its
+    clock too; None of a real one.
     """
+
+    truth_time_s: Array | None = None
+    truth: Array | None = None
 
     def __init__(
         self,
@@ -252,7 +256,9 @@ def _loaded_folder(folder: Path) -> Run:
     if (folder / SUMMARY_FILE).is_file():
         try:
             _, samples = load_run(folder)
-            return Run(_record_of_samples(samples), name=folder.name)
+            run = Run(_record_of_samples(samples), name=folder.name)
+            run.truth_time_s, run.truth = run.time_s, np.asarray(samples["truth"], dtype=np.float64)
+            return run
         except (OSError, ValueError, KeyError, IndexError) as error:
             raise LogError(f"{folder} is not a run: {error}") from error
     if not (folder / DRIVE_TLOG).is_file():
