@@ -116,7 +116,7 @@ class _Work:
             f"not known: {self.asked}",
             *([f"not {self._verb}: {', '.join(left)}"] if left else []),
         ]
-        hint = f"once the link is back, look with: omni params get {' '.join(names)}"
+        hint = f"once the link is back, look with: omni params list {' '.join(names)}"
         return type(error)(f"{error} ({'; '.join(parts)})", hint=hint)
 
 

@@ -97,7 +97,3 @@ def test_help_tells_a_simpler_model_from_another_simulator() -> None:
     output = said_by("run --help")[1]
     assert "Model of motors, body and floor" in output
     assert "External simulator" in output
-
-
-def test_robots_may_be_listed_by_the_word_list() -> None:
-    assert said_by("robots list") == said_by("robots")
