@@ -26,7 +26,7 @@ def said_by(line: str) -> tuple[int, str]:
     ("typed", "said"),
     [
         ("run nosuch", "hint: give one of these names, or a .toml file of your own; `omni run --list` describes"),
-        ("plot nothing", "hint: give a .tlog file or the folder of a run; `omni runs` lists them"),
+        ("plot nothing", "hint: give a .tlog or .mcap file or the folder of a run; `omni runs` lists them"),
         ("monitor", "`omni sitl` simulates one"),
         ("montor", "no such command: montor (did you mean monitor?)"),
         ("run --set FOO=1", "unknown parameter FOO hint: `omni robots show --params NAME` prints all"),
