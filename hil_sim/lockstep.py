@@ -77,6 +77,8 @@ class LockstepLink:
         self._world = world
         self._record = Record(RECORD_ROWS)
         self._samples: list[NDArray[Any]] = []
+        self.on_samples: Callable[[NDArray[Any]], None] | None = None
+        """Called with a view of the samples that are dropped."""
         self._serve_ticks = 0
         self._log: Any = None
         self._done = ffi.new("uint64_t *")
@@ -192,7 +194,9 @@ class LockstepLink:
         self._record.c.count = 0
 
     def forget_samples(self) -> None:
-        """Drop them, for runs without an end."""
+        """Drop them, for runs without an end; ``on_samples`` sees them before."""
+        if self.on_samples is not None and len(self._record):
+            self.on_samples(self._record.samples)
         self._samples = []
         self._record.c.count = 0
 

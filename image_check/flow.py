@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 
 from image_check.bench import Bench, CheckError, Context
 from image_check.check import CI, NIGHTLY, Check
@@ -97,7 +98,7 @@ def _pace(robot: Robot) -> tuple[float, float]:
 
 def _drive(robot: Robot, speed_m_s: float, turn_rad_s: float, seconds: float) -> None:
     """Around a circle: a robot that turns on the spot proves nothing of where the sensor points."""
-    robot.drive_velocity(speed_m_s, 0.0, turn_rad_s, max(seconds, STEP_S), stop=False)
+    robot.repeat(lambda: robot.set_velocity(speed_m_s, 0.0, turn_rad_s), max(seconds, STEP_S))
 
 
 def _first(sensor: Sensor, heard: Heard) -> str:
@@ -116,10 +117,10 @@ def _way(bench: Bench, robot: Robot, heard: Heard, speed_m_s: float, turn_rad_s:
     """Along each axis and around, each from rest to rest: then the age of the telemetry does not matter."""
     told = []
     for speed in ((speed_m_s, 0.0, 0.0), (0.0, speed_m_s, 0.0), (0.0, 0.0, turn_rad_s)):
-        robot.drive_velocity(0.0, 0.0, 0.0, 0.5)
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 0.5)
         before, pose = heard.flow[-1], list(bench.world.c.pose)
-        robot.drive_velocity(*speed, DRIVE_S)
-        robot.drive_velocity(0.0, 0.0, 0.0, 0.5)
+        robot.repeat(partial(robot.set_velocity, *speed), DRIVE_S)
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 0.5)
         after, there = heard.flow[-1], list(bench.world.c.pose)
         way = ((after.x_m - before.x_m) ** 2 + (after.y_m - before.y_m) ** 2) ** 0.5
         true = ((there[0] - pose[0]) ** 2 + (there[1] - pose[1]) ** 2) ** 0.5

@@ -8,6 +8,7 @@ the world's robot does.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 from image_check.bench import Bench, CheckError, Context
 from image_check.check import CI, NIGHTLY, Check
@@ -107,7 +108,7 @@ def _turn(bench: Bench, robot: Robot, heard: Heard) -> str:
     rates = []
     robot.arm()
     for wanted in (TURN_RAD_S, -TURN_RAD_S):
-        robot.drive_velocity(0.0, 0.0, wanted, TURN_S, stop=False)
+        robot.repeat(partial(robot.set_velocity, 0.0, 0.0, wanted), TURN_S)
         true, told = float(bench.world.c.twist[2]), heard.gyro[-1].rate_rad_s
         if abs(true - told) > RATE_LIMIT_RAD_S:
             raise CheckError(f"it turns at {true:.3f} rad/s, and the gyro says {told:.3f}")

@@ -80,7 +80,7 @@ def _restart(bench: Bench, name: str, way: Callable[[Bench], None]) -> Robot:
         bench.until(lambda: bench.machine.usb_ready, BOOT_LIMIT_S, f"USB serial port after a restart ({name})")
         bench.drain()
         robot = bench.connect(Channel.USB)
-        robot.drive_velocity(0.0, 0.0, TURN_RAD_S, STAYS_S, stop=False)
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, TURN_RAD_S), STAYS_S)
     return robot
 
 

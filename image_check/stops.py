@@ -31,7 +31,7 @@ def driving(bench: Bench) -> Robot:
     robot = bench.connect()
     robot.pump(1.2)
     robot.arm()
-    robot.drive_velocity(0.0, 0.0, TURN_RAD_S, SPIN_S, stop=False)
+    robot.repeat(lambda: robot.set_velocity(0.0, 0.0, TURN_RAD_S), SPIN_S)
     if not bench.powered:
         raise CheckError("the robot is armed and has a setpoint, but its motors get no voltage")
     return robot

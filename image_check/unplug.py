@@ -46,7 +46,7 @@ def cable_pulled(context: Context) -> list[str]:
         figures.append("plugged in again: a new session, still in failsafe")
         radio.disarm()
         radio.arm()
-        # Not drive_velocity(), which would first ask for the robot's limits by radio.
+        # Not drive(), which would first ask for the robot's limits by radio.
         radio.repeat(lambda: radio.set_velocity(*TURN_TWIST), DRIVE_S)
         if not bench.powered:
             raise CheckError("the radio has disarmed, armed and set a velocity, and no motor turns")

@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     import omniwheel.aio as aio
     from omniwheel import errors, sync, telemetry
     from omniwheel.background import connect, simulate
-    from omniwheel.driven import Driven
+    from omniwheel.driven import Driven, DrivenPath
     from omniwheel.errors import DriveError, LimitError, LinkError, NotArrivedError, OmniError, StoppedError
     from omniwheel.firmware_process import FirmwareProcess
     from omniwheel.frames import Pose, Twist
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 __all__ = [
     "DriveError",
     "Driven",
+    "DrivenPath",
     "FirmwareProcess",
     "LimitError",
     "LinkError",
@@ -77,6 +78,7 @@ __all__ = [
 _HOMES = {
     "DriveError": "omniwheel.errors",
     "Driven": "omniwheel.driven",
+    "DrivenPath": "omniwheel.driven",
     "FirmwareProcess": "omniwheel.firmware_process",
     "LimitError": "omniwheel.errors",
     "LinkError": "omniwheel.errors",

@@ -30,6 +30,8 @@ GROUND_COMPONENT_ID = 190
 HEARTBEAT_PERIOD_S = 1.0
 _MAVLINK2_MAGIC = 0xFD
 _POLL_S = 0.1
+_GIVE_WAY_S = 1e-3
+"""Longest time without the monitor if the thread that takes it does not wait for messages itself."""
 
 _HEARTBEATS_OF_NEW_NUMBER = 3
 """A robot that is still there under its old number says something before another robot has sent so many heartbeats."""
@@ -50,6 +52,38 @@ def own_station() -> int:
     if not (given.isdecimal() and len(given) <= 3 and 1 <= int(given) <= GROUND_STATION_ID):
         raise OmniError(f"OMNI_STATION is {given!r}; a station's number is 1 to 255", hint="take 255 downwards")
     return int(given)
+
+
+class Monitor(threading.Condition):
+    """A condition that can be given away for a moment to the threads that wait for it, in turn."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._waiting = 0
+        self._count = threading.Lock()
+
+    def __enter__(self) -> bool:
+        if not self.acquire(blocking=False):
+            with self._counted():
+                self.acquire()
+        return True
+
+    def give_way(self) -> None:
+        """Let another thread that waits for the monitor have it first; held before and after."""
+        if self._waiting:
+            self.notify_all()
+            with self._counted():
+                self.wait(_GIVE_WAY_S)
+
+    @contextmanager
+    def _counted(self) -> Iterator[None]:
+        with self._count:
+            self._waiting += 1
+        try:
+            yield
+        finally:
+            with self._count:
+                self._waiting -= 1
 
 
 @dataclass
@@ -101,7 +135,7 @@ class Connection:
     ) -> None:
         self.link = link
         self.clock = clock
-        self.monitor = threading.Condition()
+        self.monitor = Monitor()
         self._thread: LinkThread | None = None
         self.recorder = recorder
         self.target_system = 0
@@ -253,6 +287,7 @@ class Connection:
             data = self.read(max(0.0, min(timeout_s, _POLL_S, self.send_due())))
             if data:
                 self.feed(data)
+            self.monitor.give_way()
 
     def send_due(self) -> float:
         """Send a heartbeat and what is repeated if they are due; return the time until the next is [s]."""

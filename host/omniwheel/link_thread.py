@@ -25,7 +25,10 @@ _END_S = 6.0
 class Served(Protocol):
     """What the thread needs of a connection."""
 
-    monitor: threading.Condition
+    @property
+    def monitor(self) -> threading.Condition:
+        """What guards it."""
+        ...
 
     def send_due(self) -> float:
         """Send what is due; return the time until more is due [s]."""

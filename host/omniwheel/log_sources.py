@@ -20,6 +20,7 @@ from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
 from omniwheel.logs.run_folder import DRIVE_TLOG, SUMMARY_FILE, load_run
 from omniwheel.pose_jumps import geometry_of, jumps_of, steps_of, without_jumps
+from omniwheel.tlog_reader import ENDINGS as TELEMETRY_ENDINGS
 
 
 def open_log(
@@ -31,13 +32,13 @@ def open_log(
     """
     if (path / DRIVE_TLOG).is_file() and not (path / SUMMARY_FILE).is_file():
         path = path / DRIVE_TLOG
-    if part is not None and path.exists() and path.suffix != ".tlog":
+    if part is not None and path.exists() and path.suffix not in TELEMETRY_ENDINGS:
         raise LogError(f"{path} has no parts", hint="leave --part out: it chooses a part of a telemetry log (.tlog)")
     if path.is_dir():
         return read_run(path)
     if not path.is_file():
         raise LogError(f"{path} does not exist", hint=f"a log is {LOG_KINDS}")
-    if path.suffix == ".tlog":
+    if path.suffix in TELEMETRY_ENDINGS:
         return read_tlog(path, robot, part)
     if path.suffix == ".npz":
         return load_log(path)

@@ -9,8 +9,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from omniwheel.capability.reach import SETTLING_S, check_velocity, travel_time_s
-from omniwheel.driven import Driven, Progress
+from omniwheel.capability.reach import check_velocity
+from omniwheel.capability.speeds import top_turn_rate
+from omniwheel.capability.travel import profile_time_s, travel_time_s, turn_acceleration
+from omniwheel.driven import Driven, DrivenPath, Progress
 from omniwheel.errors import (
     DriveError,
     LimitError,
@@ -28,8 +30,10 @@ from omniwheel.setpoints import finite, pose_target, velocity_target
 if TYPE_CHECKING:
     from omniwheel.drawn_path import DrawnPath
 
-PATIENCE = 1.5
-"""Time that a drive may take, times the one that it should take, unless told otherwise."""
+PATIENCE, PATIENCE_S = 1.5, 3.0
+"""Time that a drive may take unless told otherwise: factor of the one that it should take, and what is added."""
+FASTEST = 0.8
+"""A timeout below this fraction of the time that a drive should take is refused."""
 FRAMES = ("world", "body")
 _ANOTHER_MOTION = "another motion"
 _RAMP_SHARE = 0.5
@@ -78,13 +82,13 @@ class MovingRobot(RobotBase):
         frame: str = "world",
         timeout_s: float | None = None,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Drive to a pose and return on arrival: within 5 mm and 0.02 rad for 0.2 s. Then the robot holds the goal.
 
         ``x``, ``y`` [m] and ``heading`` [rad, counter-clockwise; None: as now] are in the ``frame`` "world", or "body":
         ahead, to the left, and turned from where the robot is now. With ``speed`` [m/s] it drives a straight line, with
         ramps of half of LIM_A. Without, it is as fast as TRJ_MARGIN, LIM_V, LIM_A and LIM_WHEEL let it. ``timeout_s``:
-        1.5 times the time that it should take, unless given. ``progress`` is called with each :class:`Tracking`.
+        1.5 × :meth:`travel_time_s` + 3 s unless given. ``progress`` is called with each :class:`Tracking`.
         A motion that is asked for meanwhile ends this one: StoppedError.
 
         Raises LimitError before anything moves if the robot cannot go there, so fast, or in this time; NotArrivedError
@@ -106,7 +110,7 @@ class MovingRobot(RobotBase):
                     raise motion.not_arrived()
                 motion.wait()
             way, motion.holds_goal = None, True  # the last setpoint is the goal itself
-        return motion.result
+        return motion.driven_path
 
     def turn_to(
         self,
@@ -115,7 +119,7 @@ class MovingRobot(RobotBase):
         frame: str = "world",
         timeout_s: float | None = None,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Turn on the spot to a heading [rad], the shorter way; as :meth:`drive_to`."""
         if frame not in FRAMES:
             raise _unknown_frame(frame)
@@ -138,26 +142,29 @@ class MovingRobot(RobotBase):
         return Pose(here.x + c * x - s * y, here.y + s * x + c * y, theta)
 
     def travel_time_s(self, goal: Pose, speed: float | None = None) -> float:
-        """Return about how long the robot takes to a world pose [s]. Raises LimitError for one out of its reach."""
+        """Return how long :meth:`drive_to` takes to a world pose on a free floor [s], to about a tenth.
+
+        Raises LimitError for a pose out of reach.
+        """
         self.require_pose(*goal)
         if speed is not None:
-            return self._profile(goal, speed).duration_s + SETTLING_S
+            return profile_time_s(self._profile(goal, speed))
         margin = self.parameters["TRJ_MARGIN"]
-        return travel_time_s(self.drive_model(), latest_tracking(self).pose, goal, margin)
+        return travel_time_s(self.drive_model(), latest_tracking(self).reference, goal, margin)
 
     def allowed_time_s(self, goal: Pose, timeout_s: float | None = None, *, speed: float | None = None) -> float:
-        """Return how long a drive to a world pose may take [s]: ``timeout_s``, or 1.5 times what it should take.
+        """Return how long a drive to a world pose may take [s]: ``timeout_s``, or 1.5 × :meth:`travel_time_s` + 3 s.
 
         Raises LimitError for a pose out of reach, or a time in which the robot cannot be there.
         """
         needed_s = self.travel_time_s(goal, speed)
         if timeout_s is None:
-            return PATIENCE * needed_s
-        if timeout_s < needed_s - SETTLING_S:
+            return PATIENCE * needed_s + PATIENCE_S
+        if timeout_s < FASTEST * needed_s:
             here = latest_tracking(self).pose
             way = math.hypot(here.x - goal.x, here.y - goal.y)
             raise LimitError(
-                f"{way:.2f} m take this robot about {needed_s:.0f} s; the time given is {timeout_s:g} s",
+                f"{way:.2f} m take this robot about {needed_s:.1f} s; the time given is {timeout_s:g} s",
                 hint="give it more time or none, or see what limits the robot: omni robots check",
                 limit="time",
                 asked=timeout_s,
@@ -172,7 +179,8 @@ class MovingRobot(RobotBase):
         model = self.drive_model()
         acceleration = _RAMP_SHARE * model.acceleration_limit_m_s2
         here = latest_tracking(self).reference
-        way = profile(here, goal, speed, _RAMP_SHARE * model.turn_limit_rad_s, acceleration)
+        turn_rad_s, turn_rad_s2 = _RAMP_SHARE * top_turn_rate(model).value, _RAMP_SHARE * turn_acceleration(model)
+        way = profile(here, goal, speed, turn_rad_s, acceleration, turn_rad_s2)
         distance = math.hypot(goal.x - here.x, goal.y - here.y)
         if distance > 0.0:  # at the speed itself, too, even if the way is too short to reach it
             along = Twist(speed * (goal.x - here.x) / distance, speed * (goal.y - here.y) / distance, 0.0)
@@ -191,7 +199,7 @@ class MovingRobot(RobotBase):
         laps: float = 1.0,
         timeout_s: float = math.inf,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Follow a line on the floor on a smooth path without stops, and return at its end. Then the robot holds.
 
         It drives to the first point before, straight from where it is. What limits it are LIM_WHEEL, TRJ_MARGIN and
@@ -209,7 +217,7 @@ class MovingRobot(RobotBase):
         with self._moving(None, goal, progress, stops) as motion:
             line.start(self)
             motion.until_path_done(timeout_s)
-        return motion.result
+        return motion.driven_path
 
     def follow_trajectory(
         self,
@@ -219,7 +227,7 @@ class MovingRobot(RobotBase):
         *,
         timeout_s: float = math.inf,
         progress: Progress | None = None,
-    ) -> Driven:
+    ) -> DrivenPath:
         """Follow the on-board trajectory to its end, as :meth:`start_trajectory` takes it. Then the robot holds.
 
         Raises NotArrivedError after ``timeout_s``, StoppedError, CommandRefusedError.
@@ -228,7 +236,7 @@ class MovingRobot(RobotBase):
         with self._moving(None, None, progress, stops) as motion:
             self.start_trajectory(type, laps, period_s)
             motion.until_path_done(timeout_s)
-        return motion.result
+        return motion.driven_path
 
     # ---- with a velocity
 
@@ -255,7 +263,7 @@ class MovingRobot(RobotBase):
             while motion.time_s < duration_s:
                 motion.wait(duration_s - motion.time_s)
             self._come_to_rest(motion)
-        return motion.result
+        return motion.driven
 
     def velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
         """Drive with a velocity [m/s, m/s, rad/s] until the next motion, :meth:`stop` or :meth:`hold`; returns at once.

@@ -39,6 +39,17 @@ class Profile:
         """The steady world twist."""
         return self.at(0.5 * self.duration_s)[1]
 
+    def near_s(self, near_m: float, near_rad: float) -> float:
+        """Return the time from which on the rest of the way is at most ``near_m`` and ``near_rad``."""
+        distance_m = math.hypot(self.goal.x - self.start.x, self.goal.y - self.start.y)
+        turn = abs(self.turn_rad)
+        share = min(1.0, near_m / distance_m if distance_m else 1.0, near_rad / turn if turn else 1.0)
+        steady_s = self.duration_s - self.ramp_s
+        left_s = math.sqrt(2.0 * share * self.ramp_s * steady_s)
+        if left_s > self.ramp_s:
+            left_s = share * steady_s + 0.5 * self.ramp_s
+        return self.duration_s - min(left_s, self.duration_s)
+
     def _progress(self, time_s: float) -> tuple[float, float]:
         """Return the share 0..1 of the way, and its rate [1/s]."""
         if time_s >= self.duration_s:
@@ -52,12 +63,19 @@ class Profile:
         return top * (time_s - 0.5 * self.ramp_s), top
 
 
-def profile(start: Pose, goal: Pose, speed_m_s: float, turn_rad_s: float, acceleration_m_s2: float) -> Profile:
-    """Return the way at this speed, or slower where ``turn_rad_s`` would be exceeded. All three are more than 0."""
+def profile(
+    start: Pose,
+    goal: Pose,
+    speed_m_s: float,
+    turn_rad_s: float,
+    acceleration_m_s2: float,
+    turn_acceleration_rad_s2: float,
+) -> Profile:
+    """Return the way at this speed, or slower where ``turn_rad_s`` would be exceeded. All four are more than 0."""
     distance_m = math.hypot(goal.x - start.x, goal.y - start.y)
     turn = abs(math.remainder(goal.theta - start.theta, math.tau))
     steady_s = max(distance_m / speed_m_s, turn / turn_rad_s, 1e-3)
-    ramp_s = speed_m_s / acceleration_m_s2
+    ramp_s = max(distance_m / acceleration_m_s2, turn / turn_acceleration_rad_s2) / steady_s
     if ramp_s > steady_s:  # never as fast as that: half of the way is acceleration
         ramp_s = math.sqrt(ramp_s * steady_s)
         return Profile(start, goal, 2.0 * ramp_s, ramp_s)

@@ -7,17 +7,14 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from omniwheel.capability.travel import ARRIVED_M, ARRIVED_RAD, ARRIVED_S
 from omniwheel.connection import Connection
-from omniwheel.driven import Driven, Progress, driven
+from omniwheel.driven import Driven, DrivenPath, Progress, driven, driven_path
 from omniwheel.errors import LinkTimeoutError, NotArrivedError, StoppedError
 from omniwheel.frames import Pose
 from omniwheel.robot_base import SETPOINT_PERIOD_S, RobotBase
 from omniwheel.telemetry import Tracking, decode
 
-ARRIVED_M = 0.005
-ARRIVED_RAD = 0.02
-ARRIVED_S = 0.2
-"""Time that the robot has to be there, on its clock."""
 _BACK_S = 0.5
 """Path time that goes back by more is that of another path, even if the text that says so was lost."""
 _REST_M_S, _REST_RAD_S = 1e-3, 5e-3
@@ -66,7 +63,7 @@ class Motion:
         """Whether errors of callbacks are left to the next motion: this one stops the robot."""
         self.holds_goal = False
         """Whether the robot is to hold the goal at the end, which its reference has reached."""
-        self._result: Driven | None = None
+        self._duration_s = math.nan
         self._remove = self._connection.add_listener(self._take)
 
     def _take(self, message: Any) -> None:
@@ -80,15 +77,19 @@ class Motion:
         """Time since its beginning."""
         return self._connection.clock() - self._start_s
 
-    @property
-    def result(self) -> Driven:
-        """What was driven; once it has ended."""
-        assert self._result is not None
-        return self._result
-
     def finish(self) -> None:
-        """Make the result."""
-        self._result = driven(self._rows, self.time_s, self._goal)
+        """Take note of the time it took."""
+        self._duration_s = self.time_s
+
+    @property
+    def driven(self) -> Driven:
+        """What was driven with a velocity; once it has ended."""
+        return driven(self._rows, self._duration_s)
+
+    @property
+    def driven_path(self) -> DrivenPath:
+        """What was driven to a pose or along a path; once it has ended."""
+        return driven_path(self._rows, self._duration_s, self._goal)
 
     def close(self) -> None:
         """Stop listening."""

@@ -22,7 +22,7 @@ def format_value(parameter: Parameter | None, value: float) -> str:
         names = [name for name, number in parameter.values.items() if number == value]
         if names:
             return names[0]
-    if value.is_integer() and abs(value) < 1e9:
+    if float(value).is_integer() and abs(value) < 1e9:
         return str(int(value))
     return next((text for text in (f"{value:.7g}", f"{value:.8g}") if _same_float32(text, value)), f"{value:.9g}")
 

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: MIT
 """The robot's parameters as a mapping from name to value, over MAVLink's parameter protocol.
 
-Values are floats in the unit that params.toml gives; the robot keeps a float32, so reading back may differ in the
-eighth digit.
+Values are in the unit that params.toml gives. Real ones are floats; the robot keeps a float32, so reading back may
+differ in the eighth digit. Whole numbers are ints. Enums are members of an :class:`enum.IntEnum`
+(:mod:`omniwheel.parameter_types`) and are set by member, name or number.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ from omniwheel.errors import (
 )
 from omniwheel.monitored import monitored
 from omniwheel.other_hardware import WHEELS, require_same_hardware
+from omniwheel.parameter_file import format_value
+from omniwheel.parameter_types import ParameterEnum, enum_of, typed
 from omniwheel.texts import TextLog
 
 REPLY_TIMEOUT_S = 1.2
@@ -78,7 +81,8 @@ def without_system(values: Mapping[str, float]) -> dict[str, float]:
 class _Values:
     """Values by name, and the robot's list of names as far as it has come."""
 
-    def __init__(self) -> None:
+    def __init__(self, table: ParameterTable) -> None:
+        self._table = table
         self.by_name: dict[str, float] = {}
         self.names: dict[int, str] = {}
         self.count = 0
@@ -89,7 +93,7 @@ class _Values:
 
     def take(self, message: Message) -> None:
         name = _name_of(message)
-        self.by_name[name] = float(message.param_value)
+        self.by_name[name] = typed(self._table.get(name), float(message.param_value))
         if message.param_index < message.param_count:
             self.count = message.param_count
             self.names[message.param_index] = name
@@ -112,7 +116,7 @@ class _Work:
             f"not known: {self.asked}",
             *([f"not {self._verb}: {', '.join(left)}"] if left else []),
         ]
-        hint = f"once the link is back, look with: omni params get {' '.join(names)}"
+        hint = f"once the link is back, look with: omni params list {' '.join(names)}"
         return type(error)(f"{error} ({'; '.join(parts)})", hint=hint)
 
 
@@ -129,7 +133,7 @@ class Parameters(MutableMapping[str, float]):
         self.table = table
         self._connection = connection
         self._texts = texts
-        self._cache = _Values()
+        self._cache = _Values(self.table)
         self._incoming: _Values | None = None
         """What a download under way has brought. The cache stays whole meanwhile: other threads read it."""
         self.on_change: Callable[[Mapping[str, tuple[float, float]]], None] | None = None
@@ -185,19 +189,34 @@ class Parameters(MutableMapping[str, float]):
         self._require_known(name)
         return self.table.get(name)
 
+    def enum(self, name: str) -> type[ParameterEnum]:
+        """Return the enumeration of an enum parameter: ``list(robot.parameters.enum("CTL_MODE"))``.
+
+        Raises UnknownParameterError; ValueError for a parameter of another kind.
+        """
+        if name not in self.table:
+            raise unknown_parameter(name, self.table)
+        return enum_of(self.table[name])
+
     @contextmanager
     def changed(self, **values: ParameterValue) -> Iterator[None]:
-        """Set several parameters while the ``with`` block lasts, as :meth:`set_many`; then set the old values back."""
+        """Set several parameters while the ``with`` block lasts, as :meth:`set_many`; then set the old values back.
+
+        A parameter that is locked while the robot is armed is not set back if the robot is still armed at the end of
+        the block: ParameterError then says which ones stay changed, and how to set them back. The others are set back.
+        """
         before = self._read_all(values)
         try:
             self.set_many(values)
             yield
         finally:
-            self.set_many(before)
+            with self._connection.monitor:
+                now = self._read_all(before)
+                self._set_back({name: value for name, value in before.items() if now[name] != value})
 
     def forget(self) -> None:
         """Empty the cache, for instance after the robot restarted."""
-        self._cache = _Values()
+        self._cache = _Values(self.table)
 
     # ---- reading
 
@@ -214,7 +233,7 @@ class Parameters(MutableMapping[str, float]):
         """
         while self._incoming is not None:  # another thread is at it
             self._connection.wait(_is_parameter, QUIET_S)
-        self._incoming = incoming = _Values()
+        self._incoming = incoming = _Values(self.table)
         try:
             self._download_into(incoming, progress)
         finally:
@@ -328,11 +347,17 @@ class Parameters(MutableMapping[str, float]):
             todo = refused
 
     def _set_back(self, old: dict[str, float]) -> None:
+        """Set old values back, as many as the robot takes. Raises ParameterError that names those that stay changed."""
+        work = _Work("set back")
         try:
-            self._set_in_any_order(old, _Work("set back"))
+            self._set_in_any_order(dict(old), work)
         except ParameterRefusedError as error:
+            left = {name: value for name, value in old.items() if name not in work.confirmed}
+            stays = ", ".join(f"{name} = {self[name]}" for name in left)
+            values = ", ".join(f"{name}={format_value(None, value)}" for name, value in left.items())
             raise ParameterError(
-                f"some parameters could not be set back: {error}", hint="compare with `omni params diff`"
+                f"not set back, so the robot keeps {stays}: {'; '.join(error.reasons) or error}",
+                hint=f"first do what the robot asks for, then: robot.parameters.set_many(dict({values}))",
             ) from error
 
     def _set(self, name: str, value: float) -> None:

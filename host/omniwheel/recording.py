@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import IO
 
 from omniwheel.files import write_error
@@ -31,9 +31,9 @@ class Recording:
             except OSError as error:
                 raise write_error(tempfile.gettempdir(), error) from error
 
-    def run(self) -> Run:
-        """Return everything so far."""
+    def run(self, parameters: Mapping[str, float], robot_file: bytes) -> Run:
+        """Return everything so far, with what is known of the robot."""
         with self._lock:
             self._file.seek(0)
             records = self._file.read()
-        return Run.from_records(records)
+        return Run.from_records(records, parameters=parameters, robot_file=robot_file)

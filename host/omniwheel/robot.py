@@ -18,7 +18,6 @@ from omniwheel.connection import Connection, Recorder
 from omniwheel.dialect import Message
 from omniwheel.errors import LogError, OmniError
 from omniwheel.first_contact import await_robot
-from omniwheel.frames import Pose, Twist
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.link import Link, is_slow
@@ -26,17 +25,10 @@ from omniwheel.motion import MovingRobot
 from omniwheel.paths import params_path
 from omniwheel.ports import only_teensy
 from omniwheel.robot_base import FORCE, SETPOINT_PERIOD_S
+from omniwheel.robot_state import RobotState
 from omniwheel.signing import Signer
-from omniwheel.telemetry import (
-    Battery,
-    Odometry,
-    Status,
-    Telemetry,
-    TelemetryT,
-    Tracking,
-    Wheels,
-    decode,
-)
+from omniwheel.status import RobotStatus
+from omniwheel.telemetry import Telemetry, TelemetryT, Tracking, Wheels, decode
 from omniwheel.telemetry_parts import require_kinds
 from omniwheel.tlog import SIMULATED_EPOCH_US, wall_clock_us
 
@@ -56,7 +48,7 @@ T = TypeVar("T", bound=Telemetry)
 RobotT = TypeVar("RobotT", bound="Robot")
 
 
-class Robot(MovingRobot):
+class Robot(RobotState, MovingRobot):
     """A robot on the other end of a link; use it as a context manager.
 
     Poses are world x [m], y [m], theta [rad] counter-clockwise. Every wait has a deadline, then LinkTimeoutError. On
@@ -70,6 +62,8 @@ class Robot(MovingRobot):
     _callbacks: Callbacks | None = None
     _recording: Recording | None = None
     _watched: tuple[str, ...] = ()
+    robot_file: bytes = b""
+    """The text of the robot file; empty for a robot on a link, which does not send it."""
 
     def close(self) -> None:
         """Disarm if this object armed the robot, then close the link."""
@@ -95,41 +89,13 @@ class Robot(MovingRobot):
 
     # ---- state
 
-    @property
-    def pose(self) -> Pose:
-        """Estimated world pose: x [m], y [m], theta [rad]. Waits for the first one."""
-        return self._latest(Tracking).pose
-
-    @property
-    def twist(self) -> Twist:
-        """Estimated velocity in the body's frame: vx [m/s], vy [m/s], wz [rad/s]. Waits for the first one."""
-        return self._latest(Odometry).twist
-
-    @property
-    def wheels(self) -> Wheels:
-        """Speeds [rad/s], duties, currents [A] of the wheels. Waits for the first ones."""
-        return self._latest(Wheels)
-
-    @property
-    def battery_V(self) -> float:
-        """Supply voltage [V]; NaN if the robot does not measure it. Waits for the first one."""
-        return self._latest(Battery).voltage_V
-
-    @property
-    def state(self) -> str:
-        """Safety state: init, disarmed, armed, failsafe, estop. Waits for the first one."""
-        return self._latest(Status).state
-
-    @property
-    def armed(self) -> bool:
-        """Whether the motors are powered."""
-        self.pump(0.0)
-        return self.status.armed
-
     def _latest(self, kind: type[TelemetryT]) -> TelemetryT:
-        """Return what came last of a kind; wait for the first."""
         self.pump(0.0)
         return self._board.last(kind) or self.wait_for(kind)
+
+    def _newest_status(self) -> RobotStatus:
+        self.pump(0.0)
+        return self.status
 
     # ---- callbacks
 
@@ -183,7 +149,7 @@ class Robot(MovingRobot):
             raise LogError(
                 "this connection is not recorded", hint="robot.record() begins; connect(record=True) does so"
             )
-        return self._recording.run()
+        return self._recording.run(self.parameters.known, self.robot_file)
 
     def _leave(self) -> None:
         """Give the link its own rates back, unless the robot is gone."""

@@ -204,6 +204,8 @@ class RobotBase:
         except ArmingRefusedError as error:
             if error.result != CANCELLED:
                 self.guard.end()
+                if self.status.state == "estop":
+                    error.hint = "release it, then arm again: robot.estop_clear(), or `omni stop --release`"
             else:
                 with suppress(OmniError):
                     self.disarm()  # a copy may still be on its way to the robot: this comes behind it
@@ -272,7 +274,7 @@ class RobotBase:
     def set_velocity(self, vx: float, vy: float, wz: float, *, frame: str = "body") -> None:
         """Ask for a velocity [m/s, m/s, rad/s] in the ``body`` or ``world`` frame.
 
-        To be repeated faster than SAFE_CMD_TO (0.5 s by default), or the robot stops; :meth:`drive_velocity` does that.
+        To be repeated faster than SAFE_CMD_TO (0.5 s by default), or the robot stops; :meth:`velocity` does that.
         """
         self._end_stream()
         self.send(velocity_target(self.connection, Twist(vx, vy, wz), frame))
@@ -299,23 +301,6 @@ class RobotBase:
         self.repeat(lambda: self.set_duty(duty), duration_s)
         if stop:
             self.set_duty([0.0] * len(duty))
-
-    def drive_velocity(
-        self, vx: float, vy: float, wz: float, duration_s: float, *, frame: str = "body", stop: bool = True
-    ) -> None:
-        """Keep a velocity for ``duration_s``, then ask for zero unless ``stop`` is False.
-
-        Raises StoppedError, and LimitError if the robot cannot follow it (:meth:`require_velocity`): nothing was sent.
-        """
-        self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
-        self.repeat(lambda: self.set_velocity(vx, vy, wz, frame=frame), duration_s)
-        if stop:
-            self.set_velocity(0.0, 0.0, 0.0, frame=frame)
-
-    def drive_pose(self, x: float, y: float, theta: float, duration_s: float) -> None:
-        """Keep asking for one world pose for ``duration_s``. Raises LimitError if it is not allowed, StoppedError."""
-        self.require_pose(x, y, theta)
-        self.repeat(lambda: self.set_pose(x, y, theta), duration_s)
 
     def repeat(self, action: Callable[[], None], duration_s: float) -> None:
         """Call one of the ``set_`` methods again and again for ``duration_s``. No limit is checked here.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from omniwheel import files
+from omniwheel import files, mcap_file
 from omniwheel.errors import LogError, MissingPackageError, OutputPathError
 from omniwheel.limits import LOG_KINDS
 from omniwheel.logs.log import WheelLog, load_log
@@ -19,6 +19,7 @@ from omniwheel.logs.run_folder import DRIVE_TLOG, SUMMARY_FILE, load_run
 from omniwheel.npz_file import NotAnArchiveError, read_npz
 from omniwheel.table_file import TableFormat, read_table
 from omniwheel.telemetry_record import Array, TelemetryRecord, parameters_beside, record_of
+from omniwheel.tlog_reader import ENDINGS as TELEMETRY_ENDINGS
 from omniwheel.tlog_reader import TlogReader, iterate_messages
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ _PER_WHEEL = ("wheel{}_rad_s", "wheel{}_reference_rad_s", "wheel{}_duty")
 COLUMNS = ("time_s", *_POSE, *_REFERENCE, *(name.format(n + 1) for name in _PER_WHEEL for n in range(WHEELS)))
 """Columns of a run's table, in their order."""
 _CSV = TableFormat(LogError, "a table as Run.save writes it; for another one give a mapping", COLUMNS)
-ENDINGS = (".csv", ".npz", ".tlog", ".png", ".svg", ".pdf")
+ENDINGS = (".csv", ".npz", ".tlog", mcap_file.ENDING, ".png", ".svg", ".pdf")
 _NO_RECORDS = "it was not recorded over a link: save it as .csv or .npz"
 
 
@@ -41,19 +42,37 @@ class Run:
 
     Times are the robot's clock [s]. Arrays have a row per message: ``pose`` and ``reference`` x [m], y [m], theta [rad,
     not wrapped] at ``time_s``, ``wheel_rad_s``, ``wheel_reference_rad_s`` and ``duty`` -1..1 per wheel at
-    ``wheel_time_s``.
+    ``wheel_time_s``. ``truth`` (k, 3) are the true world poses of a simulated robot at ``truth_time_s``, on its
+    clock too; None of a real one.
     """
 
-    def __init__(self, record: TelemetryRecord | None = None, *, name: str = "", records: bytes = b"") -> None:
+    truth_time_s: Array | None = None
+    truth: Array | None = None
+
+    def __init__(
+        self,
+        record: TelemetryRecord | None = None,
+        *,
+        name: str = "",
+        records: bytes = b"",
+        parameters: Mapping[str, float] | None = None,
+        robot_file: bytes = b"",
+    ) -> None:
         self.name = name
+        self.parameters = dict(parameters or {})
+        """The robot's parameters, as far as they are known."""
+        self.robot_file = robot_file
+        """The text of the robot file; empty if it is not known."""
         self.records = records
         """The telemetry log, byte for byte; empty for a run that does not come from one."""
         self._record = record
 
     @classmethod
-    def from_records(cls, records: bytes, name: str = "") -> Run:
+    def from_records(
+        cls, records: bytes, name: str = "", *, parameters: Mapping[str, float] | None = None, robot_file: bytes = b""
+    ) -> Run:
         """Return the run in the bytes of a telemetry log. They are decoded when they are needed."""
-        return cls(name=name, records=records)
+        return cls(name=name, records=records, parameters=parameters, robot_file=robot_file)
 
     @cached_property
     def record(self) -> TelemetryRecord:
@@ -61,7 +80,7 @@ class Run:
         record = self._record
         if record is None:
             reader = TlogReader(Path(self.name or "the recording"), records=self.records)
-            record = record_of(reader, {})
+            record = record_of(reader, self.parameters)
         if not len(record.time_s) and not len(record.wheel_time_s):
             raise LogError("the run holds no poses and no wheels", hint="it lasted too short, or the robot was silent")
         return record
@@ -167,7 +186,9 @@ class Run:
     def save(self, path: Path | str) -> None:
         """Write a file, of the kind that its ending says: .csv and .npz are the table, .tlog is the telemetry log.
 
-        .png, .svg and .pdf are the picture. :func:`load` reads the first three. Raises OutputFileError, LogError.
+        .mcap is the telemetry log for Foxglove, with parameters and robot file (:mod:`omniwheel.mcap_file`). .png, .svg
+        and .pdf are the picture. :func:`load` reads all but pictures. Raises OutputFileError, LogError,
+        MissingPackageError.
         """
         path = Path(path)
         ending = path.suffix.lower()
@@ -177,10 +198,14 @@ class Run:
         elif ending == ".npz":
             with files.replaced(path) as file:
                 np.savez_compressed(file, run=self.to_numpy())
+        elif ending in TELEMETRY_ENDINGS and not self.records:
+            raise LogError(f"{path}: the run has no telemetry log", hint=_NO_RECORDS)
         elif ending == ".tlog":
-            if not self.records:
-                raise LogError(f"{path}: the run has no telemetry log", hint=_NO_RECORDS)
             files.write_bytes(path, self.records)
+        elif ending == mcap_file.ENDING:
+            with files.replaced(path) as file:
+                messages = TlogReader(path, records=self.records)
+                mcap_file.write_mcap(file, messages, self.parameters, self.robot_file)
         elif ending in ENDINGS:
             self.plot(path)
         else:
@@ -217,17 +242,23 @@ def load(path: Path | str, *, mapping: Path | str | None = None) -> Run:
     if path.suffix == ".npz":
         return Run(_loaded_archive(path), name=name)
     try:
-        records = path.read_bytes()
+        if path.suffix == mcap_file.ENDING:
+            log = mcap_file.read_mcap(path)
+        else:
+            log = mcap_file.McapLog(path.read_bytes(), parameters_beside(path), b"")
     except OSError as error:
         raise LogError(f"{path}: {error.strerror}") from error
-    return Run(record_of(iterate_messages(TlogReader(path)), parameters_beside(path)), name=name, records=records)
+    record = record_of(iterate_messages(TlogReader(path, records=log.records)), log.parameters)
+    return Run(record, name=name, records=log.records, parameters=log.parameters, robot_file=log.robot_file)
 
 
 def _loaded_folder(folder: Path) -> Run:
     if (folder / SUMMARY_FILE).is_file():
         try:
             _, samples = load_run(folder)
-            return Run(_record_of_samples(samples), name=folder.name)
+            run = Run(_record_of_samples(samples), name=folder.name)
+            run.truth_time_s, run.truth = run.time_s, np.asarray(samples["truth"], dtype=np.float64)
+            return run
         except (OSError, ValueError, KeyError, IndexError) as error:
             raise LogError(f"{folder} is not a run: {error}") from error
     if not (folder / DRIVE_TLOG).is_file():

@@ -13,10 +13,11 @@ from omniwheel.connection import Connection
 from omniwheel.errors import SetpointError
 from omniwheel.link import open_link
 from omniwheel.robot import Robot, await_and_serve
-from omniwheel.robots import parameter_table
+from omniwheel.robots import find_robot_file, parameter_table
+from omniwheel.run import Run
 
 if TYPE_CHECKING:
-    from hil_sim.simulated_robot import Simulation
+    from hil_sim.simulated_robot import Simulation as Simulation
 
 DEFAULT_ROBOT = "fast_three_wheel"
 REAL_TIME, MAX = "real time", "max"
@@ -29,6 +30,14 @@ class SimulatedRobot(Robot):
     simulation: Simulation
     """The world: ``true_pose``, ``fault("encoder_stuck", wheel=1)``, ``mend()``, ``urls`` for other programs."""
     _world: ExitStack
+
+    @property
+    def run(self) -> Run:
+        """Everything since the connection, so far, with the true poses. Raises LogError if it is not recorded."""
+        run = super().run
+        rows = self.simulation.truth.rows
+        run.truth_time_s, run.truth = rows[:, 0], rows[:, 1:]
+        return run
 
     def close(self) -> None:
         """Disarm, close the link and end the simulation."""
@@ -75,6 +84,7 @@ def simulate(
         connection = Connection(link, clock=simulation.clock or time.monotonic)
         made = SimulatedRobot(connection, table=parameter_table())
         made.simulation = simulation
+        made.robot_file = b"" if isinstance(robot, RobotFile) else find_robot_file(robot).read_bytes()
         await_and_serve(made, record=record, background=background and real_time)
         made._world = stack.pop_all()
         return made

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Reads telemetry logs (``.tlog``) record by record, passes over what is no record, and finds where a robot restarted.
+"""Reads telemetry logs (``.tlog``, ``.mcap``) record by record, passes over what is no record, finds robots' restarts.
 
 The memory it needs does not grow with the log.
 """
@@ -13,10 +13,13 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO
 
+from omniwheel import mcap_file
 from omniwheel.dialect import Message, mavlink
 from omniwheel.errors import DatasetError
 
 STAMP = 8
+ENDINGS = (".tlog", mcap_file.ENDING)
+"""Of files that are telemetry logs."""
 NO_LOG_HINT = "record with `omni identify live --log`, or ask for OMNI_SAMPLE at 50 Hz before `omni record`"
 _CHUNK = 1 << 20
 _LONGEST = STAMP + 10 + 255 + 2 + 13
@@ -46,7 +49,8 @@ class TlogReader:
     """Iterates over the messages of a log in their order; afterwards ``skipped`` says how many bytes are no record.
 
     :func:`recorded_s` tells when each was recorded.
-    Frames of MAVLink 1 and 2 are read. Frames with a wrong checksum are skipped. Raises OSError.
+    Frames of MAVLink 1 and 2 are read. Frames with a wrong checksum are skipped. Raises OSError; of a file .mcap also
+    what :func:`omniwheel.mcap_file.read_mcap` raises.
     """
 
     path: Path
@@ -56,9 +60,13 @@ class TlogReader:
     """The log itself, where it is in no file."""
 
     def _open(self) -> IO[bytes]:
+        if self.records is not None:
+            return BytesIO(self.records)
         if self.path.is_char_device():  # /dev/zero has no end
             raise OSError(errno.EINVAL, "is a device; give a file", str(self.path))
-        return self.path.open("rb") if self.records is None else BytesIO(self.records)
+        if self.path.suffix.lower() == mcap_file.ENDING:
+            return BytesIO(mcap_file.read_mcap(self.path).records)
+        return self.path.open("rb")
 
     def __iter__(self) -> Iterator[Message]:
         self.skipped = self.frames = 0

@@ -111,12 +111,12 @@ def test_the_stop_button_at_the_boards_pin_stops_within_two_ticks() -> None:
         robot = Robot(connection, table=scenario.robot.table)
         robot.pump(2.0)
         robot.arm()
-        robot.drive_velocity(0.0, 0.0, 0.5, 0.3, stop=False)
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.5), 0.3)
         assert enabled[-1][1]
         fault, world.c.config.fault_count = world.c.config.fault[0], 1
         fault.kind, fault.start_s, fault.stop_s = KINDS["stop_button"], world.c.time_us * 1e-6 + 0.05, 1e6
         with pytest.raises(StoppedError):
-            robot.drive_velocity(0.0, 0.0, 0.5, 0.3, stop=False)
+            robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.5), 0.3)
         on = [time_us for time_us, is_on in enabled if is_on]
         assert on[-1] - fault.start_s * 1e6 <= 2000, "the world hears of a tick in the next one"
         with pytest.raises(CommandRefusedError, match="stop button is still open"):

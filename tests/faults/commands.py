@@ -334,11 +334,11 @@ STORED_BY_FIRMWARE = ("sitl",)
 
 WRITE_NOTHING = (
     "checks soak", "checks bench", "monitor", "studio", "flash", "doctor",
-    "params list", "params get", "params set", "params load",
-    "params presets", "params diff", "params reset", "params history", "params undo",
+    "params list", "params set", "params load",
+    "params diff", "params reset", "params undo",
     "runs",
     "host-control motor", "mocap bridge", "mocap look", "mocap latency",
-    "logs show", "logs align", "robots list", "robots show", "robots motors",
+    "logs show", "logs align", "robots show",
     "stop", "link",
 )  # fmt: skip
 """Commands that write no file of the user's (``flash`` has PlatformIO write its build folder)."""

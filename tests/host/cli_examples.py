@@ -279,7 +279,7 @@ RULES = (
     Rule("host-control", "--simulate --duration 20", STAND_IN, codes=(0, 1)),
     Rule("params save", leave=LINK, during=robot, new="mine.toml"),
     Rule("params diff", leave=LINK, during=robot, codes=(0, 1)),
-    Rule("params presets"),
+    Rule("params list --presets"),
     Rule("params undo", leave=LINK, during=changed),
     Rule("tune --experiment trajectory", leave=LINK, during=tried),
     Rule("tune --set WS_P=1 -e", "--rounds 1", LINK, robot),

@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import asyncio
 import inspect
-from typing import Any
 
 import pytest
 
 from omniwheel import SimulatedRobot, aio
 from omniwheel.errors import DriveError
+from omniwheel.parameters import Parameters
 from omniwheel.telemetry import GyroState, Tracking
 from tests.waiting import LONGEST_S, pass_time
 
@@ -83,17 +83,53 @@ def test_errors_are_those_of_the_library() -> None:
         asyncio.run(main())
 
 
+def test_every_method_is_there_with_its_own_help() -> None:
+    faces: list[tuple[type, type, set[str]]] = [(aio.SimulatedRobot, SimulatedRobot, {"on"})]
+    faces += [(aio.Parameters, Parameters, {"info", "enum", "changed"})]
+    for face, threaded, not_awaited in faces:
+        for name, _ in inspect.getmembers(threaded, inspect.isfunction):
+            if name.startswith("_") or (threaded is Parameters and name not in OWN):
+                continue
+            found = getattr(face, name)
+            assert found.__doc__, name
+            awaited = inspect.iscoroutinefunction(found) or inspect.isasyncgenfunction(found)
+            assert awaited != (name in not_awaited), name
+    assert "speed" in inspect.signature(aio.Robot.drive_to).parameters
+    assert aio.Robot.drive_to.__doc__ == SimulatedRobot.drive_to.__doc__
+
+
+OWN = ("changed", "diff", "download", "enum", "info", "load", "read", "save", "set_many")
+"""Methods of the parameters that are not those of every mapping."""
+
+
 @pytest.mark.full
-def test_every_method_is_there_and_awaited() -> None:
-    def is_waiting(name: str, method: Any) -> bool:
-        return not name.startswith("_") and inspect.isfunction(method) and name != "on"
+def test_wrong_names_and_arguments_are_errors() -> None:
+    """A type checker finds them as well: it would say of these comments that they are not needed."""
 
     async def main() -> None:
         async with aio.simulate() as robot:
-            for name, method in inspect.getmembers(SimulatedRobot):
-                if is_waiting(name, method):
-                    assert callable(getattr(robot, name))
-                    assert getattr(robot, name).__doc__ == method.__doc__
+            with pytest.raises(AttributeError):
+                _ = robot.no_such_method  # type: ignore[attr-defined]
+            with pytest.raises(TypeError):
+                await robot.drive_to(0.0, 0.0, sped=1.0)  # type: ignore[call-arg]
+            version: int = await robot.version()  # type: ignore[assignment]
+            assert version
+
+    asyncio.run(main())
+
+
+@pytest.mark.full
+def test_parameters_are_changed_for_a_block() -> None:
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            before = await robot.parameters.get("LIM_V")
+            async with robot.parameters.changed(LIM_V=0.3):
+                assert await robot.parameters.get("LIM_V") == pytest.approx(0.3)
+            assert await robot.parameters.get("LIM_V") == before
+            with pytest.raises(ZeroDivisionError):
+                async with robot.parameters.changed(LIM_V=0.3):
+                    _ = 1 / 0
+            assert await robot.parameters.get("LIM_V") == before
 
     asyncio.run(main())
 

@@ -75,10 +75,10 @@ def test_a_wheel_has_no_sources_to_compare(record: BuildRecord) -> None:
 
 def test_omni_warns_once_and_works_all_the_same(record: BuildRecord, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("omni.cli.group.load_record", lambda: record)
-    quiet = CliRunner().invoke(app, ["robots", "list", "--json"])
+    quiet = CliRunner().invoke(app, ["robots", "--json"])
     assert (quiet.exit_code, quiet.stderr) == (0, "")
     touch(Path(record.source) / "shared/params.toml")
-    warned = CliRunner().invoke(app, ["robots", "list", "--json"], env={"COLUMNS": "400"})
+    warned = CliRunner().invoke(app, ["robots", "--json"], env={"COLUMNS": "400"})
     assert (warned.exit_code, warned.stdout) == (0, quiet.stdout)
     assert "shared/params.toml" in warned.stderr
     assert warned.stderr.count("make setup") == 1

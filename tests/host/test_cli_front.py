@@ -200,7 +200,7 @@ def test_a_heavy_import_behind_the_tab_key_is_found() -> None:
     ("line", "offered"),
     [
         ("omni doc", ["doctor"]),
-        ("omni params get ISMC_LAM", ["ISMC_LAM_TH", "ISMC_LAM_XY"]),
+        ("omni params list ISMC_LAM", ["ISMC_LAM_TH", "ISMC_LAM_XY"]),
         ("omni params set ISMC_LAM_X", ["ISMC_LAM_XY="]),
         ("omni params set CTL_MODE=i", ["CTL_MODE=ismc"]),
         ("omni robots check three", ["three_wheel"]),

@@ -41,7 +41,7 @@ def check(text: str, names: Iterable[str]) -> None:
 @pytest.mark.parametrize(
     ("line", "names"),
     [
-        ("params presets", preset_names()),
+        ("params list --presets", preset_names()),
         ("robots", robot_names()),
         ("reproduce --list", [entry.name for entry in EXPERIMENTS]),
     ],

@@ -29,8 +29,8 @@ STOPS = {
     "e-stop": (mavlink.MAV_CMD_OMNI_ESTOP, 1.0, 0.0),
 }
 DRIVES: dict[str, Callable[[Robot], object]] = {
-    "velocity": lambda robot: robot.drive_velocity(0.1, 0.0, 0.0, LONG_S),
-    "pose": lambda robot: robot.drive_pose(1.0, 0.0, 0.0, LONG_S),
+    "velocity": lambda robot: robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), LONG_S),
+    "pose": lambda robot: robot.repeat(lambda: robot.set_pose(1.0, 0.0, 0.0), LONG_S),
     "duty": lambda robot: robot.drive_duty([0.2, 0.2, 0.2], LONG_S),
     "identify": lambda robot: excite(robot, {"run": np.full((1500, 3), 0.2)}, lambda _: None),
     "path": lambda robot: follow_rose(robot),
@@ -134,13 +134,13 @@ def test_a_program_that_takes_the_command_back_drives_on(robot: Robot) -> None:
     another = Another(robot, "path")
     robot.arm()
     with pytest.raises(StoppedError):
-        robot.drive_velocity(0.1, 0.0, 0.0, LONG_S)
+        robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), LONG_S)
     assert another.stopped_s is not None
     robot.start_trajectory("circle")
     robot.pump(1.0)
     robot.guard.check()
     robot.arm()
-    robot.drive_velocity(0.1, 0.0, 0.0, 1.0)
+    robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), 1.0)
 
 
 def test_setpoints_may_be_sent_before_arming(robot: Robot) -> None:
@@ -179,10 +179,10 @@ def test_a_new_arming_begins_a_new_drive(robot: Robot) -> None:
     Another(robot, "disarm")
     robot.arm()
     with pytest.raises(StoppedError):
-        robot.drive_velocity(0.1, 0.0, 0.0, LONG_S)
+        robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), LONG_S)
     robot.pump(1.0)
     robot.arm()
-    robot.drive_velocity(0.1, 0.0, 0.0, 1.0)
+    robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), 1.0)
     assert robot.status.armed
 
 

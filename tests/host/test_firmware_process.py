@@ -61,7 +61,7 @@ def test_arming_driving_and_disarming_show_in_telemetry(url: str) -> None:
         robot.arm()
         armed = next(beat for beat in robot.telemetry(Heartbeat) if beat.armed)
         assert armed.armed
-        robot.drive_velocity(0.0, 0.0, 0.0, 0.2)
+        robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), 0.2)
         position = robot.wait_for(LocalPosition)
         assert math.isfinite(position.x_m)
         robot.disarm()

@@ -26,7 +26,7 @@ def said_by(line: str) -> tuple[int, str]:
     ("typed", "said"),
     [
         ("run nosuch", "hint: give one of these names, or a .toml file of your own; `omni run --list` describes"),
-        ("plot nothing", "hint: give a .tlog file or the folder of a run; `omni runs` lists them"),
+        ("plot nothing", "hint: give a .tlog or .mcap file or the folder of a run; `omni runs` lists them"),
         ("monitor", "`omni sitl` simulates one"),
         ("montor", "no such command: montor (did you mean monitor?)"),
         ("run --set FOO=1", "unknown parameter FOO hint: `omni robots show --params NAME` prints all"),
@@ -97,7 +97,3 @@ def test_help_tells_a_simpler_model_from_another_simulator() -> None:
     output = said_by("run --help")[1]
     assert "Model of motors, body and floor" in output
     assert "External simulator" in output
-
-
-def test_robots_may_be_listed_by_the_word_list() -> None:
-    assert said_by("robots list") == said_by("robots")

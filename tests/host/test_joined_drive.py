@@ -29,7 +29,7 @@ DRIVES: dict[str, Callable[[SimulatedRobot], object]] = {
     "turn_to": lambda robot: [robot.turn_to(heading) for heading in (1.5, 3.0, -1.5) * 10],
     "follow": lambda robot: robot.follow(PATH, speed=0.2),
     "follow_trajectory": lambda robot: robot.follow_trajectory("circle"),
-    "drive_velocity": lambda robot: robot.drive_velocity(0.1, 0.0, 0.0, 6.0),
+    "repeat": lambda robot: robot.repeat(lambda: robot.set_velocity(0.1, 0.0, 0.0), 6.0),
     "drive_duty": lambda robot: robot.drive_duty([0.0, 0.1, -0.1], 6.0),
     "velocity": lambda robot: drive_on(robot),
 }
@@ -159,7 +159,7 @@ def test_a_stop_ends_the_drive_of_a_station_that_took_over(
 ENDS: dict[str, Callable[[SimulatedRobot], object]] = {
     "stop_trajectory": lambda robot: robot.stop_trajectory(),
     "set_velocity": lambda robot: robot.set_velocity(0.0, 0.0, 0.0),
-    "drive_velocity": lambda robot: robot.drive_velocity(0.0, 0.1, 0.0, 1.0),
+    "repeat": lambda robot: robot.repeat(lambda: robot.set_velocity(0.0, 0.1, 0.0), 1.0),
     "set_duty": lambda robot: robot.set_duty([0.0, 0.0, 0.0]),
 }
 
@@ -186,7 +186,7 @@ def test_a_trajectory_takes_the_place_of_a_velocity(robot: SimulatedRobot) -> No
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("drive", [name for name in DRIVES if name not in ("velocity", "drive_velocity", "drive_duty")])
+@pytest.mark.parametrize("drive", [name for name in DRIVES if name not in ("velocity", "repeat", "drive_duty")])
 def test_a_callback_that_always_fails_ends_a_drive_once_with_the_robot_at_rest(
     robot: SimulatedRobot, drive: str
 ) -> None:

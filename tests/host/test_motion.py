@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import omniwheel
 from omniwheel import sync
-from omniwheel.errors import DriveError, LimitError, NotArrivedError, SetpointError
+from omniwheel.errors import ArmingRefusedError, DriveError, LimitError, NotArrivedError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.motion_profile import profile
 from omniwheel.simulation import SimulatedRobot
@@ -175,10 +175,30 @@ def test_a_robot_that_is_not_armed_does_not_drive() -> None:
         assert not robot.armed
 
 
+WAYS = {
+    "fast_three_wheel": ((0.02, 0.0, 0.0), (0.3, 0.0, 0.0), (1.5, 1.0, 0.5), (1.5, 1.0, 3.0), (0.0, 0.0, 0.0)),
+    "three_wheel": ((0.05, 0.0, 0.0), (0.4, 0.3, 0.0), (0.4, 0.3, 2.0)),
+    "four_wheel": ((0.05, 0.0, 0.0), (0.4, 0.3, 0.0), (0.4, 0.3, 2.0)),
+}
+SPEEDS = {"fast_three_wheel": (None, 0.1, 0.4), "three_wheel": (None, 0.05), "four_wheel": (None,)}
+
+
+@pytest.mark.full
+@pytest.mark.parametrize(("name", "speed"), [(name, speed) for name in SPEEDS for speed in SPEEDS[name]])
+def test_the_travel_time_is_within_a_tenth(name: str, speed: float | None) -> None:
+    with sync.simulate(name) as robot:
+        robot.arm()
+        for goal in WAYS[name]:
+            expected_s = robot.travel_time_s(Pose(*goal), speed)
+            driven_s = robot.drive_to(*goal, speed=speed).duration_s
+            assert expected_s == pytest.approx(driven_s, rel=0.1, abs=0.3)
+            assert robot.allowed_time_s(Pose(*goal)) > robot.travel_time_s(Pose(*goal)) + 2.0
+
+
 @pytest.mark.full
 def test_one_that_is_late_says_where_it_is_and_holds(robot: SimulatedRobot) -> None:
     with pytest.raises(NotArrivedError) as caught:
-        robot.drive_to(2.0, 0.0, timeout_s=robot.travel_time_s(Pose(2.0, 0.0, 0.0)) - 2.9)
+        robot.drive_to(2.0, 0.0, timeout_s=0.9 * robot.travel_time_s(Pose(2.0, 0.0, 0.0)))
     assert caught.value.goal[:2] == (2.0, 0.0)
     assert 0.0 < caught.value.pose.x < 2.0
     assert rests(robot)
@@ -200,20 +220,42 @@ POSES = st.builds(Pose, st.floats(-5.0, 5.0), st.floats(-5.0, 5.0), st.floats(-3
 POSITIVE = st.floats(0.01, 10.0)
 
 
-@given(POSES, POSES, POSITIVE, POSITIVE, POSITIVE)
-def test_a_profile_goes_from_start_to_goal_within_its_speeds(
-    start: Pose, goal: Pose, speed: float, turn_rate: float, acceleration: float
+@given(POSES, POSES, POSITIVE, POSITIVE, POSITIVE, POSITIVE)
+def test_a_profile_goes_from_start_to_goal_within_its_limits(
+    start: Pose, goal: Pose, speed: float, turn_rate: float, acceleration: float, turn_acceleration: float
 ) -> None:
-    way = profile(start, goal, speed, turn_rate, acceleration)
+    way = profile(start, goal, speed, turn_rate, acceleration, turn_acceleration)
     assert way.at(0.0)[0] == pytest.approx(start)
     assert way.at(way.duration_s)[0] == goal
     times = np.linspace(0.0, way.duration_s, 200)
     twists = np.array([way.at(time_s)[1] for time_s in times])
     assert np.hypot(twists[:, 0], twists[:, 1]).max() <= speed * (1 + 1e-9)
     assert np.abs(twists[:, 2]).max() <= turn_rate * (1 + 1e-9)
+    changes = np.diff(twists, axis=0) / (times[1] - times[0])
+    assert np.hypot(changes[:, 0], changes[:, 1]).max() <= acceleration * (1 + 1e-6)
+    assert np.abs(changes[:, 2]).max() <= turn_acceleration * (1 + 1e-6)
     poses = np.array([way.at(time_s)[0] for time_s in times])
     driven = (0.5 * (twists[1:] + twists[:-1]) * np.diff(times)[:, None]).sum(axis=0)
     turned = math.remainder(goal.theta - start.theta, math.tau)
     wanted = [goal.x - start.x, goal.y - start.y, turned]
     assert driven == pytest.approx(wanted, abs=0.02 * max(1.0, np.abs(wanted).max()))
     assert np.abs(np.diff(poses[:, :2], axis=0)).max() <= speed * (times[1] - times[0]) * (1 + 1e-6) + 1e-9
+
+
+@pytest.mark.full
+def test_a_drive_with_a_velocity_has_no_error_and_one_to_a_pose_has(robot: SimulatedRobot) -> None:
+    drive = robot.drive(0.2, 0.0, 0.0, duration_s=0.5)
+    assert drive.largest_error_m is None
+    assert drive.errors is None
+    way = robot.drive_to(0.0, 0.0)
+    assert 0.0 < way.largest_error_m < 0.02
+    assert way.references.shape == way.poses.shape
+
+
+@pytest.mark.full
+def test_arming_in_an_emergency_stop_says_how_to_release_it() -> None:
+    with sync.simulate() as robot:
+        robot.estop()
+        with pytest.raises(ArmingRefusedError) as caught:
+            robot.arm()
+        assert "estop_clear()" in caught.value.hint

@@ -9,6 +9,7 @@ import pytest
 from typer.testing import CliRunner
 
 from omni.cli import app
+from omniwheel import sync
 
 KEPT = "# somebody's notes\n"
 NOWHERE = ("--link", "tcp:127.0.0.1:9")
@@ -62,3 +63,17 @@ def test_a_drawing_is_drawn_again(tmp_path: Path) -> None:
 
 def test_what_is_no_regular_file_is_written_into() -> None:
     assert run("robots", "export", "three_wheel", "/dev/null", "--format", "urdf") == 0
+
+
+def test_a_picture_beside_a_log_is_not_replaced_unasked(tmp_path: Path) -> None:
+    with sync.simulate() as robot:
+        robot.sleep(0.5)
+        robot.run.save(tmp_path / "x.tlog")
+    picture = tmp_path / "x.png"
+    kept = b"\x89PNG of something else"
+    picture.write_bytes(kept)
+    result = CliRunner().invoke(app, ["plot", str(tmp_path / "x.tlog")])
+    assert result.exit_code == 2
+    assert picture.read_bytes() == kept
+    assert CliRunner().invoke(app, ["plot", str(tmp_path / "x.tlog"), "--force"]).exit_code == 0
+    assert picture.read_bytes() != kept

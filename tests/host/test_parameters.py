@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+import json
 import math
+import pickle
 from collections.abc import Callable
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +16,12 @@ from typer.testing import CliRunner
 
 from omni.cli import app
 from omni_schema import as_float32
+from omniwheel import sync
 from omniwheel.errors import (
     LinkLostError,
     LinkTimeoutError,
     OtherRobotError,
+    ParameterError,
     ParameterFileError,
     ParameterRangeError,
     ParameterRefusedError,
@@ -286,3 +291,60 @@ def test_a_refused_set_brings_back_what_another_program_set(fake: Any, robot: Ro
     with pytest.raises(ParameterRefusedError):
         robot.parameters.set_many({"ISMC_LAM_XY": 15.5, "WS_P": robot.parameters["WS_P"] * 0.5})
     assert fake.values["ISMC_LAM_XY"] == 3.0
+
+
+def test_values_have_the_types_of_their_parameters(robot: Robot) -> None:
+    parameters = robot.parameters
+    mode = parameters["CTL_MODE"]
+    assert isinstance(mode, IntEnum)
+    assert mode == 1
+    assert (mode.name, f"{mode}", f"{mode:g}", f"{mode:>6}") == ("ismc", "ismc", "1", "  ismc")
+    assert isinstance(parameters["WHEELS"], int)
+    assert isinstance(parameters["LIM_V"], float)
+    values = parameters.download()
+    assert isinstance(values["CTL_MODE"], IntEnum)
+    assert isinstance(parameters.known["TRJ_TYPE"], IntEnum)
+
+
+def test_an_enum_is_set_by_member_name_or_number(fake: Any, robot: Robot) -> None:
+    modes = robot.parameters.enum("CTL_MODE")
+    assert [mode.name for mode in modes][:2] == ["none", "ismc"]
+    for value in (modes["pid"], "pid", 4):
+        robot.parameters["CTL_MODE"] = 1
+        robot.parameters["CTL_MODE"] = value
+        assert fake.values["CTL_MODE"] == 4.0
+        assert robot.parameters["CTL_MODE"] is modes["pid"]
+
+
+def test_a_value_of_another_firmware_is_kept_as_a_number(fake: Any, robot: Robot) -> None:
+    fake.values["CTL_MODE"] = 99.0
+    assert robot.parameters.read("CTL_MODE") == 99.0
+
+
+def test_enums_become_numbers_in_json_and_other_processes(robot: Robot) -> None:
+    mode = robot.parameters["CTL_MODE"]
+    assert json.dumps(mode) == "1"
+    assert pickle.loads(pickle.dumps(mode)) == 1
+
+
+def test_only_enums_have_an_enumeration(robot: Robot) -> None:
+    with pytest.raises(ValueError, match="LIM_V"):
+        robot.parameters.enum("LIM_V")
+    with pytest.raises(UnknownParameterError):
+        robot.parameters.enum("CTL_MOD")
+
+
+@pytest.mark.full
+def test_what_stays_changed_after_a_block_is_said() -> None:
+    with sync.simulate() as robot:
+        before = robot.parameters["LIM_V"]
+        with pytest.raises(ParameterError) as caught, robot.parameters.changed(FLOW_MODE="xy", LIM_V=0.3):
+            robot.arm()
+        assert "FLOW_MODE" in str(caught.value)
+        assert "LIM_V" not in str(caught.value)
+        assert robot.parameters.read("FLOW_MODE") == 1
+        assert robot.parameters.read("LIM_V") == before
+        robot.disarm()
+        remedy = caught.value.hint.rpartition("then: ")[2]
+        eval(remedy, {"robot": robot})
+        assert robot.parameters.read("FLOW_MODE") == 0

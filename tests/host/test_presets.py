@@ -136,13 +136,13 @@ def test_unknown_and_broken_presets_are_named(tmp_path: Path) -> None:
 
 
 def test_presets_are_listed_and_shown() -> None:
-    listed = omni_json("params", "presets")["presets"]
+    listed = omni_json("params", "list", "--presets")["presets"]
     assert [entry["name"] for entry in listed] == preset_names()
-    shown = omni_json("params", "presets", "report_torque")["presets"][0]
+    shown = omni_json("params", "list", "--presets", "report_torque")["presets"][0]
     assert shown["parameters"]["DT_KP_XY"] == 5
-    assert "eq. 28-32" in omni("params", "presets")
-    assert "DT_KD_TH" in omni("params", "presets", "report_torque")
-    assert omni_json("params", "presets", "nothing", code=2)["error"]["type"] == "ParameterFileError"
+    assert "eq. 28-32" in omni("params", "list", "--presets")
+    assert "DT_KD_TH" in omni("params", "list", "--presets", "report_torque")
+    assert omni_json("params", "list", "--presets", "nothing", code=2)["error"]["type"] == "ParameterFileError"
 
 
 def test_a_preset_is_loaded_and_undone_by_name(sitl: str) -> None:

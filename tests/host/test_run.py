@@ -61,7 +61,7 @@ def test_a_picture_is_drawn_into_a_file(run: Run, tmp_path: Path) -> None:
 
 
 def test_bad_endings_and_missing_logs_are_refused(run: Run, tmp_path: Path) -> None:
-    for name in ("drive.mcap", "drive"):
+    for name in ("drive.bag", "drive"):
         with pytest.raises(OutputPathError):
             run.save(tmp_path / name)
     run.save(tmp_path / "drive.csv")

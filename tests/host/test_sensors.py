@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any
 from unittest.mock import patch
 
@@ -318,7 +319,7 @@ def test_a_floor_sensor_that_points_elsewhere_is_put_right_by_the_advice(mounted
 def drive_in_two_directions(robot: Robot) -> None:
     robot.arm()
     for velocity in ((0.15, 0.0, 0.0), (0.0, 0.15, 0.0), (-0.15, 0.0, 0.0), (0.0, -0.15, 0.0)):
-        robot.drive_velocity(*velocity, 5.0)
+        robot.repeat(partial(robot.set_velocity, *velocity), 5.0)
     robot.disarm()
     robot.pump(1.0)
 

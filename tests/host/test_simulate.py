@@ -9,6 +9,7 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import omniwheel
@@ -19,6 +20,7 @@ from omniwheel.errors import FirmwareEndedError, LinkUrlError, OmniError, RobotF
 from omniwheel.ports import Port
 from omniwheel.robots import read_robot
 from tests.hil_sim.tiny_world import TinyWorld
+from tests.waiting import LONGEST_S, pass_time
 
 HEAVY = ("numpy", "pymavlink", "serial", "matplotlib", "hil_sim", "asyncio", "omniwheel._core")
 
@@ -127,3 +129,44 @@ def test_without_an_address_the_only_teensy_is_opened(monkeypatch: pytest.Monkey
         robot = sync.connect(clock=simulated.connection.clock, record=False)
         assert opened == ["/dev/ttyACM7"]
         assert robot.connection.target_system == simulated.connection.target_system
+
+
+@pytest.mark.full
+def test_the_run_holds_the_truth_over_time() -> None:
+    with sync.simulate() as robot:
+        robot.arm()
+        robot.drive(0.3, 0.0, 0.4, duration_s=2.0)
+        run = robot.run
+    assert run.truth is not None
+    assert run.truth_time_s is not None
+    assert np.diff(run.truth_time_s) == pytest.approx(0.02)
+    truth = np.column_stack([np.interp(run.time_s, run.truth_time_s, axis) for axis in run.truth.T])
+    assert np.abs(truth[-1]).max() > 0.3
+    assert np.abs(run.pose - truth)[:, :2].max() < 5e-3
+
+
+class EndError(Exception):
+    """Ends the other thread's sleep."""
+
+
+def test_a_sleep_in_simulated_time_does_not_hold_up_another_thread() -> None:
+    with omniwheel.simulate(speed="max", record=False) as robot:
+        ended: list[type] = []
+
+        def sleep() -> None:
+            try:
+                robot.sleep(1e6)
+            except EndError as error:
+                ended.append(type(error))
+
+        sleeper = threading.Thread(target=sleep)
+        sleeper.start()
+        while robot.simulation.time_s < 2.0:
+            pass_time()
+        robot.arm()
+        robot.velocity(0.1, 0.0, 0.0)
+        robot.sleep(1.0)
+        robot.disarm()
+        robot.connection.raise_in_pump(EndError())
+        sleeper.join(LONGEST_S)
+        assert ended == [EndError]

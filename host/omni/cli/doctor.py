@@ -40,6 +40,7 @@ _EXTRAS = {
     "intelhex": ("flash", "omni flash"),
     "pyelftools": ("flash", "python -m omni.checks image, omni flash, --image of omni run and omni sitl"),
     "unicorn": ("flash", "python -m omni.checks image, omni flash, --image of omni run and omni sitl"),
+    "mcap": ("mcap", "logs for Foxglove: robot.run.save('drive.mcap')"),
     "scipy": ("study", "omni identify, omni reproduce, omni replay, omni sweep --sobol"),
     "optuna": ("optimize", "omni optimize"),
     "distributed": ("cluster", "--cluster of omni montecarlo, sweep and optimize"),

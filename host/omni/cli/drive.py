@@ -217,7 +217,7 @@ def pose(
             min=0.0,
             metavar="S",
             show_default=False,
-            help="Timeout. Default: 1.5 × estimated travel time.",
+            help="Timeout. Default: 1.5 × estimated travel time + 3 s.",
         ),
     ] = None,
     *,

@@ -15,7 +15,6 @@ from rich.table import Table
 
 from omni.cli import completion, params_history
 from omni.cli.common import (
-    JsonOption,
     WhyOption,
     console,
     error_console,
@@ -43,7 +42,6 @@ if TYPE_CHECKING:
 
 app = typer.Typer(help="Read, set, save and compare the robot's parameters.", no_args_is_help=True)
 
-app.command("history", epilog=params_history.HISTORY_EXAMPLES)(params_history.history)
 app.command("undo", epilog=params_history.UNDO_EXAMPLES)(params_history.undo)
 _LINK = "--link tcp:127.0.0.1:5760"
 
@@ -106,23 +104,49 @@ def _print_long(rows: Sequence[Sequence[str]]) -> None:
 
 
 @app.command(
-    "list", epilog=examples(f"omni params list {_LINK}", "omni params list ISMC --long", "omni params list --json")
+    "list",
+    epilog=examples(
+        f"omni params list {_LINK}",
+        "omni params list ISMC --long",
+        "omni params list WHEELS TRJ_TYPE --json",
+        "omni params list --presets",
+        "omni params list --presets report_ismc",
+    ),
 )
 @takes(RobotOptions)
 def list_parameters(
-    filter_text: Annotated[str, typer.Argument(metavar="[TEXT]", help="Show only names that contain this text.")] = "",
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[NAME|TEXT]...",
+            help="Show these parameters, or all whose names contain a text; with --presets, these presets.",
+            autocompletion=completion.parameters,
+            show_default=False,
+        ),
+    ] = None,
     long: Annotated[bool, typer.Option("--long", help="Show descriptions too.")] = False,
+    presets: Annotated[
+        bool,
+        typer.Option(
+            "--presets", help="List the sets of gains that come with omniwheel; `omni params load NAME` sets one."
+        ),
+    ] = False,
     *,
     wanted: RobotOptions,
 ) -> None:
-    """Show parameters with unit, range and default; values that differ from the default are bold."""
+    """Show parameters with unit, range and default; values that differ from the default are bold.
+
+    Names alone are read one by one, which is quick on a slow radio.
+    """
+    if presets:
+        _print_presets(names or [], wanted.as_json)
+        return
+    asked = [name.upper() for name in names or []]
     with wanted.open() as robot:
-        known = _download(robot, wanted.as_json)
-        values = {name: value for name, value in known.items() if filter_text.upper() in name}
-        if not values:
-            guess = did_you_mean(filter_text, known)
-            hint = "`omni params list` shows all"
-            raise UnknownParameterError(f"no parameter's name contains {filter_text}{guess}", hint=hint)
+        if asked and all(name in robot.table for name in asked):
+            values = {name: robot.parameters[name] for name in asked}
+        else:
+            values = _found(_download(robot, wanted.as_json), asked)
         if wanted.as_json:
             print_json({name: _described(robot.parameters, name, value) for name, value in values.items()})
         else:
@@ -130,21 +154,17 @@ def list_parameters(
             (_print_long if long else _print_short)(rows)
 
 
-@app.command("get", epilog=examples("omni params get ISMC_LAM_XY", "omni params get WHEELS TRJ_TYPE --json"))
-@takes(RobotOptions)
-def get(
-    names: Annotated[list[str], typer.Argument(help="Parameter names.", autocompletion=completion.parameters)],
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """Read parameters from the robot."""
-    with wanted.open() as robot:
-        values = {name.upper(): robot.parameters[name.upper()] for name in names}
-        if wanted.as_json:
-            print_json({name: shortest(value) for name, value in values.items()})
-            return
-        for name, value in values.items():
-            console.print(f"[cyan]{escape(name)}[/] = {format_value(robot.parameters.info(name), value)}")
+def _found(known: Mapping[str, float], asked: Sequence[str]) -> dict[str, float]:
+    """Return the parameters whose names are one of those asked for, or contain one of them; all if there are none."""
+    for text in asked:
+        if not any(text in name for name in known):
+            hint = "`omni params list` shows all"
+            raise UnknownParameterError(f"no parameter's name contains {text}{did_you_mean(text, known)}", hint=hint)
+
+    def is_asked(name: str) -> bool:
+        return any(name == text if text in known else text in name for text in asked)
+
+    return {name: value for name, value in known.items() if not asked or is_asked(name)}
 
 
 @app.command(
@@ -250,23 +270,18 @@ def load(
         print_changes(robot.parameters, changes, "before", "after", wanted.as_json)
 
 
-@app.command("presets", epilog=examples("omni params presets", "omni params presets report_ismc --json"))
-def presets(
-    name: Annotated[str | None, typer.Argument(help="Show this one; without it, list all.")] = None,
-    as_json: JsonOption = False,
-) -> None:
-    """List the sets of gains that come with omniwheel, or show one. `omni params load NAME` sets them on a robot."""
+def _print_presets(names: Sequence[str], as_json: bool) -> None:
     table = parameter_table()
-    chosen = [read_preset(entry, table) for entry in ([name] if name else preset_names())]
+    chosen = [read_preset(entry, table) for entry in (names or preset_names())]
     if as_json:
-        print_json({"presets": [_preset_facts(preset, with_values=name is not None) for preset in chosen]})
+        print_json({"presets": [_preset_facts(preset, with_values=bool(names)) for preset in chosen]})
         return
     shown = Table(box=None, header_style="bold", pad_edge=False)
-    for title in ("parameter", "value", "unit", "meaning") if name else ("preset", "description", "from"):
+    for title in ("parameter", "value", "unit", "meaning") if names else ("preset", "description", "from"):
         first = title in ("preset", "parameter")
         shown.add_column(title, style="cyan" if first else "", no_wrap=first)
     for preset in chosen:
-        if name is None:
+        if not names:
             shown.add_row(preset.name, escape(preset.description), escape(preset.source))
             continue
         console.print(f"[bold]{escape(preset.name)}[/]  {escape(preset.description)}\n[dim]{escape(preset.source)}[/]")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni params history`` and ``omni params undo``: what was changed on a robot, and back to an earlier state."""
+"""``omni params undo``: back to an earlier state of a robot's parameters; with ``--list``, what was changed."""
 
 from __future__ import annotations
 
@@ -24,27 +24,14 @@ from omniwheel.parameter_file import format_value, shortest
 from omniwheel.robots import parameter_table
 
 if TYPE_CHECKING:
-    from omniwheel.history import Entry
+    from omniwheel.history import Entry, RobotHistory
 
-HISTORY_EXAMPLES = examples("omni params history", "omni params history --json")
-UNDO_EXAMPLES = examples("omni params undo", "omni params undo 3 --store")
+UNDO_EXAMPLES = examples("omni params undo --list", "omni params undo", "omni params undo 3 --store")
 
 
-@takes(RobotOptions)
-def history(
-    *,
-    wanted: RobotOptions,
-) -> None:
-    """List what commands on this computer changed on the robot: when, who, how and why. `omni params undo` goes back.
-
-    A robot is known by its board's serial number; a simulated one, which has none, by its link.
-    """
-    from omniwheel.history import history_of
-
-    with wanted.open() as robot:
-        kept = history_of(robot)
+def _print_history(kept: RobotHistory, as_json: bool) -> None:
     entries = kept.entries()
-    if wanted.as_json:
+    if as_json:
         print_json(
             {"file": None if kept.path is None else str(kept.path), "entries": [_document(entry) for entry in entries]}
         )
@@ -93,6 +80,9 @@ def undo(
         int | None,
         typer.Argument(help="Number of the history entry to undo. Default: the last one.", show_default=False),
     ] = None,
+    list_only: Annotated[
+        bool, typer.Option("--list", help="List the changes instead: when, by whom, how and why.")
+    ] = False,
     store: StoreOption = False,
     why: WhyOption = "",
     *,
@@ -100,12 +90,17 @@ def undo(
 ) -> None:
     """Set what was changed back to what it was before an entry of the history, all or none.
 
-    This works after a restart of the robot, too. It is an entry of its own: undo again to take it back.
+    The history holds what commands on this computer changed on the robot. This works after a restart of the robot, too.
+    It is an entry of its own: undo again to take it back. A robot is known by its board's serial number; a simulated
+    one, which has none, by its link.
     """
     from omniwheel.history import history_of
 
     with wanted.open() as robot:
         kept = history_of(robot)
+        if list_only:
+            _print_history(kept, wanted.as_json)
+            return
         entries = kept.entries()
         if not entries:
             raise HistoryError("the history is empty: nothing to undo")

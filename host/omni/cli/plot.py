@@ -38,16 +38,17 @@ def plot(
     from hil_sim.summary import PICTURE_FILE
     from omniwheel.drive_log.folder import DRIVE_FILE, TLOG_FILE
     from omniwheel.logs.run_folder import load_run
+    from omniwheel.tlog_reader import ENDINGS
 
     if out is not None:
         new_path(out, "the picture", force=force)
     log = run / TLOG_FILE if run.is_dir() and (run / DRIVE_FILE).is_file() else run
-    if log.suffix == ".tlog":
-        _plot_log(log, out, json_wanted, part)
+    if log.suffix in ENDINGS:
+        _plot_log(log, out, json_wanted, part, force)
         return
     if not run.exists():
         raise RunFolderError(
-            f"{run} does not exist", hint="give a .tlog file or the folder of a run; `omni runs` lists them"
+            f"{run} does not exist", hint="give a .tlog or .mcap file or the folder of a run; `omni runs` lists them"
         )
     if part is not None:
         raise typer.BadParameter("--part chooses a part of a telemetry log; a simulated run has none")
@@ -71,15 +72,19 @@ def plot(
         console.print(escape(str(target)), soft_wrap=True)
 
 
-def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None) -> None:
+def _plot_log(log: Path, out: Path | None, json_wanted: bool, part: int | None, force: bool) -> None:
     from hil_sim.summary import PICTURE_FILE
     from omniwheel.drive_log import draw_telemetry, read_record
     from omniwheel.drive_log.folder import TLOG_FILE
     from omniwheel.telemetry_picture import in_words
 
     record = read_record(log, part)
-    beside = log.with_name(PICTURE_FILE) if log.name == TLOG_FILE else log.with_suffix(".png")
-    target = redrawn_path(beside, "the picture") if out is None else out
+    if out is not None:
+        target = out
+    elif log.name == TLOG_FILE:
+        target = redrawn_path(log.with_name(PICTURE_FILE), "the picture")
+    else:  # a picture of that name may be anything
+        target = new_path(log.with_suffix(".png"), "the picture", force=force)
     draw_telemetry(record, log.stem if log.name != TLOG_FILE else log.parent.name, target)
     if json_wanted:
         document = {"picture": str(target), "numbers": record.numbers(), "events": len(record.events)}

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 app = typer.Typer(help="List, show, check and start robot files.", invoke_without_command=True)
 
 app.command("new", epilog=robots_new.EXAMPLES)(robots_new.new)
-app.command("motors", epilog=examples("omni robots motors", "omni robots motors --json"))(robots_new.motors)
 
 RobotArgument = Annotated[
     str,
@@ -42,16 +41,23 @@ def _summary(robot: Robot) -> dict[str, Any]:
     return {"name": robot.name, "description": robot.description, "wheels": robot.wheels, "file": robot.source}
 
 
-@app.callback(epilog=examples("omni robots", "omni robots show three_wheel", "omni robots new mine --from three_wheel"))
-def list_robots(ctx: typer.Context, as_json: JsonOption = False) -> None:
+@app.callback(
+    epilog=examples("omni robots", "omni robots --motors", "omni robots show three_wheel", "omni robots --json")
+)
+def list_robots(
+    ctx: typer.Context,
+    motors: Annotated[
+        bool,
+        typer.Option("--motors", help="List the gear motors with known data sheets, for `omni robots new --motor`."),
+    ] = False,
+    as_json: JsonOption = False,
+) -> None:
     """List the robots that come with omniwheel, or work with a robot file."""
     if ctx.invoked_subcommand is None:
-        print_robots(as_json)
+        (robots_new.print_motors if motors else _print_robots)(as_json)
 
 
-@app.command("list", epilog=examples("omni robots list", "omni robots list --json"))
-def print_robots(as_json: JsonOption = False) -> None:
-    """List the robots that come with omniwheel, like `omni robots`."""
+def _print_robots(as_json: bool) -> None:
     robots = [_summary(read_robot(name)) for name in robot_names()]
     if as_json:
         print_json({"robots": robots})

@@ -1,20 +1,20 @@
 # SPDX-License-Identifier: MIT
-"""``omni robots new`` and ``omni robots motors``: a robot file of one's own, copied or from data-sheet numbers."""
+"""``omni robots new`` and ``omni robots --motors``: a robot file of one's own, copied or from data-sheet numbers."""
 
 from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 from rich.markup import escape
 from rich.table import Table
 
 from omni.cli import completion
-from omni.cli.common import JsonOption, console, examples, print_json
+from omni.cli.common import JsonOption, console, examples, note, print_json
 from omni.cli.options import RobotFolderOption
 from omni_schema import Robot
 from omniwheel.errors import DataSheetError
@@ -30,9 +30,10 @@ EXAMPLES = examples(
     "omni robots new mine --from three_wheel",
     "omni robots new mine --motor pololu_37d_30 --wheel-diameter 96mm --wheel-distance 160mm --mass 4",
     "omni robots new mine --no-load-rpm 330 --stall-torque 14kg.cm --stall-current 5.5 --voltage 12 --gear 30 "
-    "--encoder-lines 16 --wheel-diameter 96mm --wheel-distance 160mm --mass 4",
+    "--encoder 64CPR --wheel-diameter 96mm --wheel-distance 160mm --mass 4",
     "omni robots new mine --ask",
 )
+T = TypeVar("T")
 _SHEET, _BODY = "From a data sheet", "The body"
 
 
@@ -47,7 +48,7 @@ def new(
     ] = None,
     folder: RobotFolderOption = Path(),
     ask: Annotated[bool, typer.Option("--ask", help="Prompt for every number that is not given.")] = False,
-    motor: Annotated[str | None, _option("--motor", "A motor of `omni robots motors`.", _SHEET, "NAME")] = None,
+    motor: Annotated[str | None, _option("--motor", "A motor of `omni robots --motors`.", _SHEET, "NAME")] = None,
     voltage: Annotated[float | None, _option("--voltage", "Rated voltage \\[V].", _SHEET, "V")] = None,
     no_load_rpm: Annotated[
         float | None, _option("--no-load-rpm", "Speed without load, output shaft \\[rpm].", _SHEET, "RPM")
@@ -62,8 +63,9 @@ def new(
     gear: Annotated[
         float | None, _option("--gear", "Encoder turns per wheel turn; 1: encoder at the wheel.", _SHEET, "N")
     ] = None,
-    encoder_lines: Annotated[
-        float | None, _option("--encoder-lines", "Encoder lines (pulses of one channel) per turn.", _SHEET, "N")
+    encoder: Annotated[
+        str | None,
+        _option("--encoder", "Per turn of its own shaft, as the sheet says: 64CPR, 16PPR, 16lines.", _SHEET, "N"),
     ] = None,
     wheels: Annotated[int, typer.Option("--wheels", min=3, max=4, rich_help_panel=_BODY, help="3 or 4.")] = 3,
     wheel_diameter: Annotated[
@@ -86,10 +88,10 @@ def new(
 
     From data-sheet numbers, motor constants and limits are derived, and every line says where its number came from.
     """
-    from omniwheel.datasheet import RobotAnswers, find_motor, write_designed_robot
+    from omniwheel.datasheet import RobotAnswers, find_motor, sheet_warnings, write_designed_robot
     from omniwheel.datasheet.units import length_m
 
-    sheet = (motor, voltage, no_load_rpm, stall_torque, stall_current, no_load_current, gear, encoder_lines)
+    sheet = (motor, voltage, no_load_rpm, stall_torque, stall_current, no_load_current, gear, encoder)
     body = (wheel_diameter, wheel_distance, mass, supply, bridge_current)
     designed = ask or any(value is not None for value in (*sheet, *body))
     if designed and template is not None:
@@ -104,9 +106,9 @@ def new(
     answers = RobotAnswers(
         motor=find_motor(motor) if motor else form.motor(*sheet[1:]),
         wheels=wheels,
-        wheel_diameter_m=length_m(form.text(wheel_diameter, "--wheel-diameter", "Wheel diameter, like 96mm")),
-        wheel_distance_m=length_m(
-            form.text(wheel_distance, "--wheel-distance", "Centre to a wheel's contact, like 160mm")
+        wheel_diameter_m=form.quantity(wheel_diameter, "--wheel-diameter", "Wheel diameter, like 96mm", length_m),
+        wheel_distance_m=form.quantity(
+            wheel_distance, "--wheel-distance", "Centre to a wheel's contact, like 160mm", length_m
         ),
         mass_kg=form.number(mass, "--mass", "Mass of the whole robot [kg]"),
         supply_V=supply,
@@ -116,6 +118,7 @@ def new(
         write_designed_robot(name, answers, folder),
         "from data-sheet numbers: read the assumptions in its comments",
         as_json,
+        sheet_warnings(answers),
     )
 
 
@@ -125,33 +128,34 @@ class _Form:
     def __init__(self, ask: bool) -> None:
         self.ask = ask
 
-    def text(self, given: str | None, option: str, question: str) -> str:
-        """Return an answer as text."""
+    def quantity(self, given: str | None, option: str, question: str, read: Callable[[str], float]) -> float:
+        """Return what ``read`` makes of an answer; a question is asked again until the answer is one."""
         if given is not None:
-            return given
+            return read(given)
         if not self.ask:
             raise DataSheetError(f"{option} is missing", hint="give it, or --ask to be prompted for it")
-        return str(typer.prompt(question, err=True))
+        return self._asked(question, read)
 
     def number(self, given: float | None, option: str, question: str) -> float:
-        """Return an answer as a number."""
-        if given is not None:
-            return given
-        return self._parsed(self.text(None, option, question), question)
-
-    @staticmethod
-    def _parsed(text: str, question: str) -> float:
-        try:
-            return parse_number(text)
-        except ValueError:
-            raise DataSheetError(f"{text!r} is not a number", hint=question) from None
+        """Return an answer as a number above 0."""
+        return given if given is not None else self.quantity(None, option, question, _above_zero)
 
     def optional(self, given: float | None, question: str) -> float | None:
-        """Return an answer that may be left out."""
+        """Return an answer, 0 or more, that may be left out."""
         if given is not None or not self.ask:
             return given
-        text = str(typer.prompt(f"{question}, Enter if unknown", default="", show_default=False, err=True))
-        return self._parsed(text, question) if text.strip() else None
+        return self._asked(
+            f"{question}, Enter if unknown", lambda text: _not_negative(text) if text.strip() else None, default=""
+        )
+
+    @staticmethod
+    def _asked(question: str, read: Callable[[str], T], default: str | None = None) -> T:
+        while True:
+            text = str(typer.prompt(question, default=default, show_default=False, err=True))
+            try:
+                return read(text)
+            except DataSheetError as error:
+                note(f"{error}; {error.hint}" if error.hint else str(error))
 
     def motor(
         self,
@@ -161,28 +165,47 @@ class _Form:
         stall_current: float | None,
         no_load_current: float | None,
         gear: float | None,
-        encoder_lines: float | None,
+        encoder: str | None,
     ) -> GearMotor:
         """Return the motor of a data sheet."""
         from omniwheel.datasheet import GearMotor
-        from omniwheel.datasheet.units import torque_N_m
+        from omniwheel.datasheet.units import encoder_lines, torque_N_m
 
         return GearMotor(
             voltage_V=self.number(voltage, "--voltage", "Rated voltage [V]"),
             no_load_rad_s=self.number(no_load_rpm, "--no-load-rpm", "Speed without load [rpm]") * math.pi / 30.0,
-            stall_torque_N_m=torque_N_m(self.text(stall_torque, "--stall-torque", "Torque at stall, like 14kg.cm")),
+            stall_torque_N_m=self.quantity(stall_torque, "--stall-torque", "Torque at stall, like 14kg.cm", torque_N_m),
             stall_current_A=self.optional(stall_current, "Current at stall [A]"),
             no_load_current_A=self.optional(no_load_current, "Current without load [A]"),
             gear=self.number(gear, "--gear", "Turns of the encoder per turn of the wheel"),
-            encoder_lines=self.number(encoder_lines, "--encoder-lines", "Encoder lines per turn"),
+            encoder_lines=self.quantity(
+                encoder, "--encoder", "Encoder per turn of its own shaft, like 64CPR, 16PPR or 16lines", encoder_lines
+            ),
         )
 
 
-def _say(target: Path, what: str, as_json: bool) -> None:
+def _not_negative(text: str) -> float:
+    try:
+        number = parse_number(text)
+    except ValueError:
+        raise DataSheetError(f"{text!r} is not a number") from None
+    if not 0.0 <= number < math.inf:
+        raise DataSheetError(f"{text!r} is below 0")
+    return number
+
+
+def _above_zero(text: str) -> float:
+    number = _not_negative(text)
+    if number == 0.0:
+        raise DataSheetError("0 is not possible: give a number above 0")
+    return number
+
+
+def _say(target: Path, what: str, as_json: bool, doubts: Sequence[str] = ()) -> None:
     from omniwheel.capability import drive_model
 
     robot = read_robot(target)
-    warnings = warnings_of(robot, drive_model(robot))
+    warnings = [*doubts, *warnings_of(robot, drive_model(robot))]
     if as_json:
         print_json({"file": str(target), "is": what, "warnings": warnings})
         return
@@ -204,8 +227,8 @@ def print_warnings(warnings: Iterable[str]) -> None:
         console.print(f"[bold red]![/] {escape(warning)}")
 
 
-def motors(as_json: JsonOption = False) -> None:
-    """List the gear motors whose data sheets come with omniwheel, for `omni robots new --motor`."""
+def print_motors(as_json: bool) -> None:
+    """List the gear motors whose data sheets come with omniwheel."""
     from omniwheel.datasheet import catalogue
 
     known = catalogue().values()

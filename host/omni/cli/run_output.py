@@ -97,7 +97,7 @@ PresetOption = Annotated[
     typer.Option(
         "--preset",
         metavar="NAME",
-        help="Gains to use instead of the scenario's: a preset (omni params presets) or a parameter file.",
+        help="Gains to use instead of the scenario's: a preset (omni params list --presets) or a parameter file.",
         autocompletion=completion.presets,
     ),
 ]

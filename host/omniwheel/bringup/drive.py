@@ -99,10 +99,11 @@ def _within_reach(robot: Robot) -> list[Move]:
 
 def _drive(robot: Robot, move: Move) -> Twist:
     before = _settled_pose(robot)
+    robot.require_velocity(*move.twist, duration_s=move.time_s)
     with armed(robot):
         with suppress(StoppedError):  # judged by what the robot says of it
-            robot.drive_velocity(*move.twist, duration_s=move.time_s)
-            robot.drive_velocity(0.0, 0.0, 0.0, REST_S)
+            robot.repeat(lambda: robot.set_velocity(*move.twist), move.time_s)
+            robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), REST_S)
         after = _settled_pose(robot)
     return in_frame(before, after)
 

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from omniwheel.capability.drive_model import Array, DriveModel
-from omniwheel.capability.speeds import MOTORS, TURNING, Bound, directions, limit_speed, motor_speed, speed_bounds
+from omniwheel.capability.speeds import MOTORS, Bound, limit_speed, motor_speed
 from omniwheel.errors import LimitError
 from omniwheel.frames import Pose, Twist
 
@@ -22,8 +22,6 @@ _ROUNDING = 1.0 + 1e-4
 _DIRECTIONS = 36
 _TURNED_STEP = math.radians(2.0)
 """Headings between two that were tried: what the robot reaches differs by less than 0.1 % over half of this."""
-SETTLING_S = 3.0
-"""The reference closes in on a pose at 3 per second: so long from 1 m to a tenth of a millimetre."""
 
 
 def check_velocity(model: DriveModel, twist: Twist, heading_rad: float | None = 0.0, turned_rad: float = 0.0) -> None:
@@ -123,32 +121,6 @@ def check_pose(pose: Pose, position_limit_m: float) -> None:
             asked=abs(pose.theta),
             possible=math.tau,
         )
-
-
-def travel_time_s(model: DriveModel, here: Pose, there: Pose, share: float) -> float:
-    """Return about how long the robot takes to a pose: it drives at ``share`` of LIM_WHEEL (TRJ_MARGIN) at most.
-
-    It gains and loses its speed with LIM_A, and its rate of turn with LIM_A divided by the wheels' distance.
-    """
-    way = math.hypot(there.x - here.x, there.y - here.y)
-    turn = abs(math.remainder(there.theta - here.theta, math.tau))
-    speeds = [_slowest(speed_bounds(model, along), share) for along in directions(_DIRECTIONS)]
-    turning = _slowest(speed_bounds(model, TURNING), share)
-    acceleration = model.acceleration_limit_m_s2
-    lever_arm_m = float(np.abs(model.rows[:, 2]).max())
-    turning_acceleration = acceleration / lever_arm_m if lever_arm_m > 0.0 else acceleration
-    return _ramped_s(way, min(speeds), acceleration) + _ramped_s(turn, turning, turning_acceleration) + SETTLING_S
-
-
-def _ramped_s(way: float, speed: float, acceleration: float) -> float:
-    """Return how long a way takes from rest to rest, at most with a speed and an acceleration."""
-    if way < speed * speed / acceleration:
-        return 2.0 * math.sqrt(way / acceleration)
-    return way / speed + speed / acceleration
-
-
-def _slowest(bounds: Sequence[Bound], share: float) -> float:
-    return min(bound.value * (share if bound.cause == "LIM_WHEEL" else 1.0) for bound in bounds)
 
 
 def check_wheel_count(duty: Sequence[float], wheels: int) -> None:

@@ -47,6 +47,6 @@ def find_motor(name: str) -> GearMotor:
     if name not in motors:
         raise DataSheetError(
             f"unknown motor {name}{did_you_mean(name, list(motors))}",
-            hint="`omni robots motors` lists them; numbers of other data sheets go into --no-load-rpm, ...",
+            hint="`omni robots --motors` lists them; numbers of other data sheets go into --no-load-rpm, ...",
         )
     return motors[name]

@@ -24,6 +24,8 @@ from omniwheel.errors import DataSheetError
 
 NO_LOAD_SHARE = 0.04
 """No-load current by stall current where the sheet does not give it: 0.03 to 0.06 for common 12 V gear motors."""
+_UNUSUAL_LINES = (24.0, 100.0)
+"""Magnetic encoders on motor shafts have fewer, optical ones more."""
 DRY_SHARE = 0.5
 """Of the friction at no-load speed; the sheet does not tell dry from viscous."""
 MECHANICAL_S = 0.03
@@ -50,6 +52,17 @@ class GearMotor:
     def counts_per_revolution(self) -> int | None:
         """Counts per revolution of the output shaft, four per line of an encoder on the motor's shaft."""
         return None if self.encoder_lines is None else round(4.0 * self.encoder_lines * self.gear)
+
+
+def encoder_doubt(motor: GearMotor) -> str:
+    """Return why an encoder's resolution is unlikely, and what it may be instead; "" if it is usual."""
+    lines, low, high = motor.encoder_lines, *_UNUSUAL_LINES
+    if lines is None or motor.gear <= 1.0 or not low < lines < high:
+        return ""
+    return (
+        f"{lines:g} encoder lines (PPR), which are {4.0 * lines:g} CPR, are unusual for a gear motor: most have 7 to "
+        f"16 lines, 28 to 64 CPR. If the data sheet says {lines:g} CPR: --encoder {lines:g}CPR"
+    )
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,7 @@ from omniwheel.datasheet.motor import (
     NO_LOAD_SHARE,
     GearMotor,
     MotorModel,
+    encoder_doubt,
     motor_model,
 )
 from omniwheel.errors import DataSheetError, OmniError, RobotFileError
@@ -78,6 +79,21 @@ def write_designed_robot(name: str, answers: RobotAnswers, folder: Path) -> Path
         path.unlink(missing_ok=True)
         raise
     return path
+
+
+def sheet_warnings(answers: RobotAnswers) -> list[str]:
+    """Return what to know of a data sheet's numbers: an unlikely encoder, and the current that a fuse has to carry."""
+    motor = answers.motor
+    doubts = [doubt] if (doubt := encoder_doubt(motor)) else []
+    if motor.stall_current_A is not None:
+        supply_V = motor.voltage_V if answers.supply_V is None else answers.supply_V
+        stall_A = motor.stall_current_A * supply_V / motor.voltage_V
+        doubts.append(
+            f"Choose fuses and bridges by the data sheet's stall current: {stall_A:.3g} A per motor at {supply_V:g} V, "
+            f"{answers.wheels * stall_A:.3g} A for all. The card's current is that of the model, which has less: its "
+            "resistance includes the gear's losses."
+        )
+    return doubts
 
 
 def robot_file_text(name: str, answers: RobotAnswers) -> str:

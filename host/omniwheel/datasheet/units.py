@@ -20,17 +20,24 @@ TORQUES_N_M = {
     "lb.in": 0.112984829,
 }
 LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254}
+LINES_PER = {"cpr": 0.25, "ppr": 1.0, "lines": 1.0, "line": 1.0, "pulses": 1.0, "counts": 0.25}
+"""Encoder lines per unit of a data sheet: CPR are the edges of both channels, four per line."""
 _QUANTITY = re.compile(r"\s*([-+0-9.eE]+)\s*([a-zA-Z.·⋅*\-]*)\s*")
 
 
 def torque_N_m(text: str) -> float:
-    """Read a torque with its unit; without one it is N m. Raises DataSheetError."""
-    return _read(text, TORQUES_N_M, "n.m", "a torque", "14 kg.cm, 0.5 N.m, 190 oz.in")
+    """Read a torque with its unit. Raises DataSheetError, also without one: sheets use kg.cm, N.m and oz.in."""
+    return _read(text, TORQUES_N_M, "", "a torque with its unit", "14 kg.cm, 0.5 N.m, 190 oz.in")
 
 
 def length_m(text: str) -> float:
     """Read a length with its unit; without one it is metres. Raises DataSheetError."""
     return _read(text, LENGTHS_M, "m", "a length", "96 mm, 0.096, 3.8 in")
+
+
+def encoder_lines(text: str) -> float:
+    """Read an encoder's resolution with its unit, as lines (pulses of one channel). Raises DataSheetError."""
+    return _read(text, LINES_PER, "", "an encoder's resolution with its unit", "64 CPR (all edges), 16 PPR, 16 lines")
 
 
 def _read(text: str, units: Mapping[str, float], default: str, what: str, examples: str) -> float:

@@ -43,7 +43,7 @@ def wheel_step(robot: Robot, plan: WheelPlan, room_m: float, tell: Tell) -> Outc
     setup = WheelSetup(robot, plan)
     burst = _run(robot, setup, room_m, tell)
     seen = signals_of(burst)
-    size, speed = setup.plan.amplitude_rad_s, setup.plan.speed_rad_s
+    size, speed = setup.plan.amplitude_rad_s, float(seen.speed[0])  # as it was before the step, not as planned
     pushed = seen.time_s < setup.plan.duration_s
     rise_s, overshoot, settling_s = step_response(seen.time_s[pushed], seen.speed[pushed], speed, speed + size)
     settled = pushed & (seen.time_s > 0.5 * setup.plan.duration_s)

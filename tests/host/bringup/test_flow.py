@@ -219,7 +219,7 @@ def test_a_drive_of_known_length_tells_scale_and_direction(make_bench: MakeBench
     assert first.usable
     start = list(world.c.pose)
     robot.arm()
-    robot.drive_velocity(0.15, 0.0, 0.0, 4.0)
+    robot.repeat(lambda: robot.set_velocity(0.15, 0.0, 0.0), 4.0)
     robot.disarm()
     robot.pump(1.0)
     last = robot.wait_for(FlowState)

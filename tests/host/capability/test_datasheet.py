@@ -152,7 +152,7 @@ def test_the_file_says_where_each_number_came_from(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "value"),
-    [("14kg.cm", 1.372931), ("14 kgf·cm", 1.372931), ("1.4", 1.4), ("190 oz-in", 1.341695), ("140 kg*mm", 1.372931)],
+    [("14kg.cm", 1.372931), ("14 kgf·cm", 1.372931), ("190 oz-in", 1.341695), ("140 kg*mm", 1.372931)],
 )
 def test_torques_are_read_with_their_units(text: str, value: float) -> None:
     assert torque_N_m(text) == pytest.approx(value)
@@ -174,11 +174,37 @@ def run(tmp_path: Path, *words: str, answers: str = "") -> tuple[int, str]:
 
 
 def test_new_takes_data_sheet_numbers(tmp_path: Path) -> None:
-    numbers = "--no-load-rpm 330 --stall-torque 14kg.cm --stall-current 5.5 --voltage 12 --gear 30 --encoder-lines 16"
+    numbers = "--no-load-rpm 330 --stall-torque 14kg.cm --stall-current 5.5 --voltage 12 --gear 30 --encoder 64CPR"
     code, output = run(tmp_path, *numbers.split(), *BODY, "--json")
     assert code == 0, output
-    assert json.loads(output[: output.rindex("}") + 1])["warnings"] == []
-    assert read_robot(tmp_path / "mine.toml").encoder["counts_per_revolution"] == 1920
+    (warning,) = json.loads(output[: output.rindex("}") + 1])["warnings"]
+    assert "5.5 A per motor" in warning
+    assert read_robot(tmp_path / "mine.toml").parameter_values()["ENC_CPR"] == 1920
+
+
+@pytest.mark.parametrize(("encoder", "counts"), [("64cpr", 1920), ("16 PPR", 1920), ("16lines", 1920), ("64PPR", 7680)])
+def test_an_encoder_is_what_the_sheet_calls_it(tmp_path: Path, encoder: str, counts: int) -> None:
+    numbers = "--no-load-rpm 330 --stall-torque 14kg.cm --voltage 12 --gear 30"
+    code, output = run(tmp_path, *numbers.split(), "--encoder", encoder, *BODY, "--json")
+    assert code == 0, output
+    assert read_robot(tmp_path / "mine.toml").parameter_values()["ENC_CPR"] == counts
+    assert ("--encoder 64CPR" in output) is (counts == 7680)
+
+
+@pytest.mark.parametrize("words", [("--stall-torque", "14"), ("--encoder", "64")])
+def test_a_number_without_its_unit_is_refused(tmp_path: Path, words: tuple[str, str]) -> None:
+    numbers = {
+        "--no-load-rpm": "330",
+        "--voltage": "12",
+        "--gear": "30",
+        "--stall-torque": "14kg.cm",
+        "--encoder": "64CPR",
+    }
+    numbers |= dict([words])
+    code, output = run(tmp_path, *(word for pair in numbers.items() for word in pair), *BODY)
+    assert code == 2, output
+    assert "unit" in output
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("words", [("--from", name) for name in robot_names()] + [("--motor", "pololu_37d_30", *BODY)])
@@ -192,10 +218,17 @@ def test_comments_on_the_wires_hold_for_any_robot(tmp_path: Path, words: tuple[s
 
 
 def test_new_asks_for_what_is_missing(tmp_path: Path) -> None:
-    answers = "12\n330\n14kg.cm\n5.5\n\n30\n16\n96mm\n160mm\n4\n"
+    answers = "12\n330\n14kg.cm\n5.5\n\n30\n64CPR\n96mm\n160mm\n4\n"
     code, output = run(tmp_path, "--ask", answers=answers)
     assert code == 0, output
     assert read_robot(tmp_path / "mine.toml").wheels == 3
+
+
+def test_a_bad_answer_is_asked_for_again(tmp_path: Path) -> None:
+    answers = "twelve\n0\n12\n330\n14\n14kg.cm\n-1\n5.5\n\n30\n64\n64CPR\n96 miles\n96mm\n160mm\n4\n"
+    code, output = run(tmp_path, "--ask", answers=answers)
+    assert code == 0, output
+    assert read_robot(tmp_path / "mine.toml").parameter_values()["ENC_CPR"] == 1920
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: MIT
+"""Telemetry in MCAP files (https://mcap.dev), which Foxglove and the packages ``mcap`` and ``rosbags`` read.
+
+Each kind of MAVLink message is a channel of its own: topic and schema have the message's name, the encoding is JSON.
+An object holds the message's fields, ``source_system`` and ``source_component``; the schema describes them with units.
+A number that is not finite is ``null``. The robot's texts are in the channel ``/log`` too, as ``foxglove.Log``. Times
+are those of the record. The metadata ``parameters`` are the robot's, the attachment ``robot.toml`` is its robot file.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import struct
+from collections.abc import Iterable, Iterator, Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+from xml.etree import ElementTree as ET
+
+from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import LogError, MissingPackageError
+from omniwheel.paths import dialect_dir
+
+ENDING = ".mcap"
+CHUNK_BYTES = 1 << 16
+"""Messages are compressed in pieces of this many bytes. A file that was cut ends with its last whole piece."""
+LOG_TOPIC = "/log"
+PARAMETERS = "parameters"
+ROBOT_FILE = "robot.toml"
+_SOURCE = {"source_system": "System id of the sender", "source_component": "Component id of the sender"}
+_TOML_TYPE = "application/toml"
+_LOG_LEVELS = (5, 5, 5, 4, 3, 2, 2, 1)
+"""``foxglove.Log`` levels, 1 debug to 5 fatal, of MAVLink's severities 0 emergency to 7 debug."""
+_LOG_SCHEMA = {
+    "title": "foxglove.Log",
+    "type": "object",
+    "properties": {
+        "timestamp": {"type": "object", "properties": {"sec": {"type": "integer"}, "nsec": {"type": "integer"}}},
+        "level": {"type": "integer", "description": "1 debug, 2 info, 3 warning, 4 error, 5 fatal"},
+        "message": {"type": "string"},
+        "name": {"type": "string", "description": "Sender"},
+        "file": {"type": "string"},
+        "line": {"type": "integer"},
+    },
+}
+
+
+class McapLog(NamedTuple):
+    """What an MCAP file of this project holds: the telemetry log as bytes of a .tlog, parameters, the robot file."""
+
+    records: bytes
+    parameters: dict[str, float]
+    robot_file: bytes
+
+
+def write_mcap(
+    file: IO[bytes], messages: Iterable[Message], parameters: Mapping[str, float], robot_file: bytes
+) -> None:
+    """Write messages of a telemetry log (:class:`~omniwheel.tlog_reader.TlogReader`) in their order.
+
+    Messages of another dialect are left out. Raises MissingPackageError, OSError.
+    """
+    library = _library("writer")
+    writer = library.Writer(file, chunk_size=CHUNK_BYTES)
+    writer.start(profile="", library="omniwheel")
+    channels: dict[str, int] = {}
+
+    def channel(topic: str, schema: Mapping[str, Any]) -> int:
+        if topic not in channels:
+            number = writer.register_schema(str(schema["title"]), "jsonschema", json.dumps(schema).encode())
+            channels[topic] = writer.register_channel(topic, "json", number)
+        return channels[topic]
+
+    def add(number: int, time_ns: int, sequence: int, content: Mapping[str, Any]) -> None:
+        writer.add_message(
+            number, time_ns, json.dumps(content, allow_nan=False).encode(), publish_time=time_ns, sequence=sequence
+        )
+
+    if robot_file:
+        writer.add_attachment(0, 0, ROBOT_FILE, _TOML_TYPE, robot_file)
+    if parameters:
+        writer.add_metadata(PARAMETERS, {name: repr(float(value)) for name, value in sorted(parameters.items())})
+    for message in messages:
+        kind = message.get_type()
+        if kind not in _messages():
+            continue
+        time_ns = round(vars(message)["_timestamp"] * 1e6) * 1000
+        sequence = int(vars(message)["_header"].seq)
+        add(channel(f"/{kind}", schema_of(kind)), time_ns, sequence, _content(message))
+        if kind == "STATUSTEXT":
+            add(channel(LOG_TOPIC, _LOG_SCHEMA), time_ns, sequence, _log_entry(time_ns, message))
+    writer.finish()
+
+
+def read_mcap(path: Path) -> McapLog:
+    """Read a file that :func:`write_mcap` wrote; of one that was cut, everything up to there.
+
+    Raises MissingPackageError, OSError, and LogError if it is no MCAP file or holds no MAVLink messages.
+    """
+    kinds: dict[int, str] = {}
+    records = bytearray()
+    parameters: dict[str, float] = {}
+    robot_file = b""
+    try:
+        for record in _readable(path):
+            kind = type(record).__name__
+            if kind == "Channel" and record.topic[1:] in _messages():
+                kinds[record.id] = record.topic[1:]
+            elif kind == "Message" and record.channel_id in kinds:
+                frame = _frame(kinds[record.channel_id], json.loads(record.data), record.sequence)
+                records += (record.log_time // 1000).to_bytes(8, "big") + frame
+            elif kind == "Metadata" and record.name == PARAMETERS:
+                parameters = {name: float(value) for name, value in record.metadata.items()}
+            elif kind == "Attachment" and record.name == ROBOT_FILE:
+                robot_file = bytes(record.data)
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, struct.error) as error:
+        if isinstance(error, LogError):
+            raise
+        raise LogError(f"{path}: its messages are not as Run.save writes them: {error!r}") from error
+    if not records:
+        raise LogError(f"{path} holds no MAVLink messages", hint="give a file that Run.save wrote")
+    return McapLog(bytes(records), parameters, robot_file)
+
+
+def _readable(path: Path) -> Iterator[Any]:
+    """Give the records of a file up to where it was cut or is damaged. Raises what :func:`read_mcap` does."""
+    library, problems = _library("stream_reader"), _library("exceptions")
+    with path.open("rb") as file:
+        reader = library.StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
+        records = reader.records
+        while True:
+            try:
+                record = next(records)
+            except problems.InvalidMagic as error:
+                raise LogError(f"{path} is no MCAP file") from error
+            except Exception:  # the end; or it is cut or damaged from here on, and decompressors raise what they like
+                return
+            yield record
+
+
+@cache
+def schema_of(kind: str) -> dict[str, Any]:
+    """Return the JSON schema of a kind of message: its fields with their meaning and unit."""
+    message = _messages()[kind]
+    texts = _descriptions().get(kind, {})
+    fields = {name: {"type": "integer", "description": text} for name, text in _SOURCE.items()}
+    for name, number_type in zip(message.fieldnames, message.fieldtypes, strict=True):
+        unit = message.fieldunits_by_name.get(name, "")
+        enum = message.fieldenums_by_name.get(name, "")
+        parts = (texts.get(name, ""), f"[{unit}]" if unit else "", f"({enum})" if enum else "")
+        scalar: dict[str, Any] = {"type": _JSON_TYPES.get(number_type, "integer")}
+        is_array = number_type != "char" and _array_length(message, name) > 0
+        field: dict[str, Any] = {"type": "array", "items": scalar} if is_array else scalar
+        fields[name] = {**field, "description": " ".join(part for part in parts if part)}
+    return {"title": kind, "description": texts.get("", ""), "type": "object", "properties": fields}
+
+
+_JSON_TYPES: dict[str, str | list[str]] = {
+    "char": "string",
+    "float": ["number", "null"],
+    "double": ["number", "null"],
+}
+
+
+def _array_length(message: Any, name: str) -> int:
+    return int(message.array_lengths[message.ordered_fieldnames.index(name)])
+
+
+@cache
+def _messages() -> dict[str, Any]:
+    """Return the dialect's message classes by name."""
+    return {message.msgname: message for message in mavlink.mavlink_map.values()}
+
+
+@cache
+def _descriptions() -> dict[str, dict[str, str]]:
+    """Return what the dialect's own messages and their fields are; "" is the message itself."""
+    found: dict[str, dict[str, str]] = {}
+    for message in ET.parse(dialect_dir() / "omni.xml").iter("message"):
+        texts = {field.get("name", ""): field.text or "" for field in message.iter("field")}
+        found[message.get("name", "")] = {**texts, "": message.findtext("description", "")}
+    return found
+
+
+def _content(message: Message) -> dict[str, Any]:
+    fields = {name: _as_json(getattr(message, name)) for name in message.fieldnames}
+    return {"source_system": message.get_srcSystem(), "source_component": message.get_srcComponent(), **fields}
+
+
+def _as_json(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_as_json(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _frame(kind: str, content: dict[str, Any], sequence: int) -> bytes:
+    """Return the message of a JSON object as a frame of MAVLink 2."""
+    message = _messages()[kind]
+    types = zip(message.fieldnames, message.fieldtypes, strict=True)
+    values = [_from_json(content[name], number_type) for name, number_type in types]
+    codec = mavlink.MAVLink(None, content["source_system"], content["source_component"])
+    codec.seq = sequence & 0xFF
+    return bytes(message(*values).pack(codec))
+
+
+def _from_json(value: Any, number_type: str) -> Any:
+    if isinstance(value, list):
+        return [_from_json(item, number_type) for item in value]
+    if number_type == "char":
+        return value.encode()
+    return math.nan if value is None else value
+
+
+def _log_entry(time_ns: int, message: Message) -> dict[str, Any]:
+    return {
+        "timestamp": {"sec": time_ns // 10**9, "nsec": time_ns % 10**9},
+        "level": _LOG_LEVELS[min(message.severity, len(_LOG_LEVELS) - 1)],
+        "message": message.text,
+        "name": f"{message.get_srcSystem()}/{message.get_srcComponent()}",
+        "file": "",
+        "line": 0,
+    }
+
+
+def _library(module: str) -> Any:
+    try:
+        return import_module(f"mcap.{module}")
+    except ImportError as error:
+        hint = "pip install 'omniwheel[mcap]', or in a clone: make setup"
+        raise MissingPackageError(f"MCAP files need the package mcap: {error}", hint=hint) from error
