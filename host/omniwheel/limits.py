@@ -36,7 +36,10 @@ HOST_CONTROL_MOTORS = 4
 """How many motors such a line has."""
 HOST_CONTROL_DELAY_S = 0.03
 """From sending a line of PWM until the original robot's wheels follow."""
-LOG_KINDS = "LOG.npz (omni logs import), LOG.csv with --mapping, a run's folder, LOG.tlog (omni record) or LOG.mcap"
+LOG_KINDS = (
+    "LOG.npz (omni logs import), LOG.csv or a ROS bag with --mapping, a run's folder, LOG.tlog (omni record) or "
+    "LOG.mcap"
+)
 """What can be read as a log."""
 HUB_LISTEN = ("tcp:127.0.0.1:5790", "udpout:127.0.0.1:14550")
 """Where ``omni link`` is found unless it is told otherwise: any number of TCP clients, and QGroundControl."""

@@ -15,9 +15,10 @@ from omniwheel.errors import LogError
 from omniwheel.frames import flip
 from omniwheel.identification.sources import from_messages, read_part
 from omniwheel.limits import LOG_KINDS
-from omniwheel.logs.importer import import_log
+from omniwheel.logs.importer import import_log, read_truth
 from omniwheel.logs.log import MIN_ROWS, Array, Truth, WheelLog, load_log
 from omniwheel.logs.mapping import read_mapping
+from omniwheel.logs.rosbag import is_bag
 from omniwheel.logs.run_folder import DRIVE_TLOG, SUMMARY_FILE, load_run
 from omniwheel.pose_jumps import geometry_of, jumps_of, steps_of, without_jumps
 from omniwheel.tlog_reader import ENDINGS as TELEMETRY_ENDINGS
@@ -28,23 +29,33 @@ def open_log(
 ) -> WheelLog:
     """Read a log of any kind; ``robot`` says what our own formats leave out, ``part`` which one of a telemetry log.
 
-    Raises LogError, SchemaError, DatasetError.
+    A ``truth`` file replaces the poses in the log. Raises LogError, SchemaError, DatasetError.
     """
     if (path / DRIVE_TLOG).is_file() and not (path / SUMMARY_FILE).is_file():
         path = path / DRIVE_TLOG
     if part is not None and path.exists() and path.suffix not in TELEMETRY_ENDINGS:
         raise LogError(f"{path} has no parts", hint="leave --part out: it chooses a part of a telemetry log (.tlog)")
+    if not path.exists():
+        raise LogError(f"{path} does not exist", hint=f"a log is {LOG_KINDS}")
+    columns = None if mapping is None else read_mapping(mapping)
+    log = _own_log(path, robot, part)
+    if log is not None:
+        return log if truth is None else replace(log, truth=read_truth(truth, columns)[0])
+    if columns is None:
+        kind = "a ROS bag" if is_bag(path) else "a CSV file"
+        raise LogError(f"{path}: {kind} needs a column mapping", hint=f"give --mapping FILE; a log is {LOG_KINDS}")
+    return import_log(path, columns, truth)[0]
+
+
+def _own_log(path: Path, robot: Robot, part: int | None) -> WheelLog | None:
+    """Read a log of one of this project's formats; None if it is of another."""
+    if is_bag(path):
+        return None
     if path.is_dir():
         return read_run(path)
-    if not path.is_file():
-        raise LogError(f"{path} does not exist", hint=f"a log is {LOG_KINDS}")
     if path.suffix in TELEMETRY_ENDINGS:
         return read_tlog(path, robot, part)
-    if path.suffix == ".npz":
-        return load_log(path)
-    if mapping is None:
-        raise LogError(f"{path}: a CSV file needs a column mapping", hint=f"give --mapping FILE; a log is {LOG_KINDS}")
-    return import_log(path, read_mapping(mapping), truth)[0]
+    return load_log(path) if path.suffix == ".npz" else None
 
 
 def read_run(folder: Path) -> WheelLog:

@@ -7,8 +7,8 @@ What takes minutes and is no writing (driving, identifying, checking an image) i
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, field
+from contextlib import ExitStack, contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,7 +30,9 @@ from omniwheel.experiments.outcome import Figure, Line, Outcome, Panel
 from omniwheel.experiments.repeated import Try
 from omniwheel.experiments.session import Claims
 from omniwheel.identification.estimate import Estimate
+from omniwheel.identification.geometry_drive import DrivenGeometry
 from omniwheel.identification.model import FLOOR
+from omniwheel.identification.pose_fit.scores import Score
 from omniwheel.identification.pose_fit.study import identify_geometry
 from omniwheel.identification.robot_file import write_robot_file
 from omniwheel.mocap.camera.geometry import Eye
@@ -39,7 +41,7 @@ from omniwheel.mocap.camera.place import Placement
 from omniwheel.tuning import Figures, Trace
 from omniwheel.wheel_loop import Margins
 from tests.host.logs import synthetic
-from tests.host.pose_fit.robots import THREE, runs, true_values
+from tests.host.pose_fit.robots import THREE, drive, runs, true_values
 from tests.quick_scenario import QUICK
 
 
@@ -109,6 +111,19 @@ def _geometry(*_: Any) -> Any:
 
 def _known_geometry() -> Any:
     return _patched(omniwheel__identification__pose_fit__study__identify_geometry=lambda *_: _geometry())
+
+
+def _driven_geometry() -> Any:
+    run = Score("check", "check", 0.1, 0.1, 0.1, 0.1, 1.0)
+    logs = (drive(THREE, true_values(THREE, 5), 1, duration_s=2.0),)
+    return _patched(
+        omni__cli__identify_geometry_live___robot=lambda *_: nullcontext(),
+        omni__cli__identify_geometry_live___truth=lambda *_, **__: nullcontext(),
+        omniwheel__identification__geometry_drive__drive_geometry=lambda *_, **__: logs,
+        omniwheel__identification__geometry_drive__fit_driven=lambda *_: DrivenGeometry(
+            _geometry(), logs, run, replace(run, rms_m=0.01)
+        ),
+    )
 
 
 @contextmanager
@@ -316,6 +331,11 @@ CASES = {
         "identify geometry {inputs}/run1.npz {inputs}/run2.npz --robot {inputs}/robot.toml --out {disk}/g.toml "
         "--plot {disk}/g.png",
         during=_known_geometry,
+    ),
+    "identify geometry-live": Case(
+        "identify geometry-live --simulated three_wheel --robot {inputs}/robot.toml --out {disk}/g.toml "
+        "--logs {disk}/runs",
+        during=_driven_geometry,
     ),
     "identify telemetry": Case("identify telemetry {inputs}/quick.toml --name found --out {disk}", during=_telemetry),
     "identify live": Case(

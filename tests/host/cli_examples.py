@@ -290,6 +290,12 @@ RULES = (
     Rule("autotune", leave=LINK, during=tuned),
     Rule("experiment wheel-chirp --wheel 1", leave=LINK, during=partial(robot, "stand")),
     Rule("experiment", leave=LINK, during=robot),
+    Rule(
+        "identify geometry-live",
+        "--simulated fast_three_wheel --robot fast_three_wheel --room 2",
+        ("--source",),
+        new="found.toml",
+    ),
     Rule("identify geometry", during=files_of_examples, new="identified.toml *.npz"),
     Rule("identify logs", new="identified.toml"),
     Rule("identify telemetry", during=CASES["identify telemetry"].during, new="identified.toml mine.toml"),

@@ -11,7 +11,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from omni.cli import identify_geometry, identify_logs
+from omni.cli import identify_geometry, identify_geometry_live, identify_logs
 from omni.cli.common import (
     JsonOption,
     LinkOption,
@@ -42,6 +42,7 @@ app = typer.Typer(
 )
 
 app.command("geometry", epilog=identify_geometry.EXAMPLES)(identify_geometry.identify_geometry)
+app.command("geometry-live", epilog=identify_geometry_live.EXAMPLES)(identify_geometry_live.identify_geometry_live)
 app.command("logs", epilog=identify_logs.EXAMPLES)(identify_logs.identify_logs)
 
 RobotOption = Annotated[

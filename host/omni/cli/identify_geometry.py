@@ -88,7 +88,7 @@ def identify_geometry(
     if as_json:
         print_json({**study_data(study), **files})
         return
-    _print(study)
+    print_study(study)
     for path in filter(None, files.values()):
         console.print(f"\n[bold]{escape(path)}[/]", soft_wrap=True)
 
@@ -130,7 +130,8 @@ def _runs(
     return [replace(run, group=str(path)) for run, path in zip(runs, logs, strict=True)]
 
 
-def _print(study: GeometryStudy) -> None:
+def print_study(study: GeometryStudy) -> None:
+    """Print parameters, refusals, clocks and the errors of left-out runs."""
     from omniwheel.identification.pose_fit.result_data import clock_text, split_text
 
     whole = study.whole

@@ -19,12 +19,14 @@ if TYPE_CHECKING:
 
 LogArgument = Annotated[Path, typer.Argument(metavar="LOG", help=f"{LOG_KINDS}.")]
 RobotOption = Annotated[str, typer.Option("--robot", "-r", metavar="NAME|FILE", help="The robot's name or file.")]
-MAPPING = typer.Option("--mapping", metavar="FILE", help="Which column of a CSV file is what.", show_default=False)
+MAPPING = typer.Option(
+    "--mapping", metavar="FILE", help="Which column of a CSV file, or topic of a ROS bag, is what.", show_default=False
+)
 MappingOption = Annotated[Path | None, MAPPING]
 TRUTH = typer.Option(
     "--truth",
     metavar="FILE",
-    help="Ground truth of the run; with several logs one per log, in their order.",
+    help="Ground truth of the run: CSV, or OptiTrack Motive's export. With several logs one per log, in their order.",
     show_default=False,
 )
 TruthOption = Annotated[Path | None, TRUTH]

@@ -35,9 +35,16 @@ app = typer.Typer(help="Import, show and align logs of any robot.", no_args_is_h
 _MAPPING = "--mapping omni_reproduce/real_three_wheel/mapping.toml"
 
 
-@app.command("import", epilog=examples(f"omni logs import run1.csv {_MAPPING} --truth truth1.csv --out run1.npz"))
+@app.command(
+    "import",
+    epilog=examples(
+        f"omni logs import run1.csv {_MAPPING} --truth truth1.csv --out run1.npz",
+        "omni logs import run1.csv --mapping mine.toml --truth 'Take 2026-05-04 10.12.31 AM.csv' --out run1.npz",
+        "omni logs import rosbag2_run1 --mapping bag.toml --out run1.npz",
+    ),
+)
 def import_command(
-    log: Annotated[Path, typer.Argument(metavar="LOG.csv", help="A CSV file with a header line.")],
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="A CSV file, or a ROS bag.")],
     mapping: Annotated[Path, MAPPING],
     out: Annotated[Path, typer.Option("--out", metavar="LOG.npz", help="Where to write the imported log.")],
     truth: TruthOption = None,
@@ -65,7 +72,7 @@ def import_command(
         f"{escape(str(out))}: {summary.rows} rows; {summary.dropped_rows} dropped, {summary.missing_rows} missing"
     )
     if summary.truth_dropped_rows:
-        console.print(f"{escape(str(truth))}: {summary.truth_dropped_rows} rows dropped")
+        console.print(f"truth: {summary.truth_dropped_rows} rows dropped, which have no pose or no later time")
     console.print(
         f"spikes rejected per wheel: {shares}; noise left: {noise} counts per {over}, {imported.quantum_rad_s:.3g} "
         f"rad/s each; correlation with the next count's: {tells}"
@@ -81,8 +88,8 @@ def import_command(
         console.print(f"[yellow]{escape(doubt)}[/]")
     for stretch in summary.frozen:
         console.print(
-            f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s: "
-            "its values there are not measurements"
+            f"[yellow]{escape(stretch.column)} is frozen[/] from {stretch.start_s:.2f} to {stretch.stop_s:.2f} s, "
+            "while the wheels turned: one value throughout"
         )
     for time in summary.counter_restarts_s:
         console.print(

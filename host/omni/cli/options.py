@@ -46,12 +46,10 @@ def _possible_seed(seed: int | None) -> int | None:
 
 
 OwnSeedOption = Annotated[int, seed_option("Random seed.")]
-SourceOption = Annotated[
-    str,
-    typer.Option(
-        "--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated."
-    ),
-]
+SOURCE = typer.Option(
+    "--source", metavar="STREAM", help="vicon: or natnet:HOST/OBJECT, camera:FILE, recorded:FILE, simulated."
+)
+SourceOption = Annotated[str, SOURCE]
 ForceOption = Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")]
 BaudOption = Annotated[int, typer.Option("--baud", min=LEAST_BAUD, help="Baud rate of the radio.")]
 ListenPortOption = Annotated[

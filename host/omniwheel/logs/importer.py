@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Foreign CSV logs: columns by a declared mapping, counts recovered from quantised speeds, heading unwrapped."""
+"""Foreign CSV logs and ROS bags by a declared mapping: counts recovered from quantised speeds, heading unwrapped."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from omni_schema.errors import did_you_mean
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array, Mask, Truth, WheelLog
 from omniwheel.logs.mapping import Mapping, TruthColumns
+from omniwheel.logs.motive import MotiveOptions, is_motive_export, read_motive
+from omniwheel.logs.rosbag import BagPoses, is_bag, read_bag
 from omniwheel.logs.spikes import reject_spikes
 from omniwheel.logs.wraps import counted_on, counter_steps, signed_steps, unwrapped_clock
 from omniwheel.table_file import TableFormat, read_table
@@ -64,10 +66,12 @@ class Frozen:
 class ImportSummary:
     """What the import did to the rows: shares are of the rows that are left, per wheel.
 
-    ``frozen`` tells of every column of the file, mapped or not: a sensor that has stopped. ``noise_correlation`` is
-    that of a count's noise with the next one's: -0.5 where counts add up to an angle, 0 where each stands alone.
+    ``frozen`` names columns of the file, mapped or not, that kept one value while the wheels turned.
+    ``noise_correlation`` is that of a count's noise with the next one's: -0.5 where counts add up to an angle, 0 where
+    each stands alone.
     ``outlier_share`` is that of counts far from their neighbours, whether they were rejected as spikes or not.
     ``counter_restarts_s``: the counters began again at zero, and were counted on from there.
+    ``truth_dropped_rows``: rows of the truth without a pose, or whose time does not increase.
     """
 
     rows: int
@@ -115,11 +119,18 @@ def _column(path: Path, columns: dict[str, Array], name: str, mapping: Mapping, 
     return values
 
 
-def read_truth(path: Path, mapping: Mapping) -> tuple[Truth, int]:
-    """Read ground truth with the mapping's [truth] columns, and how many rows were left out: their clock is not ahead.
+def read_truth(path: Path, mapping: Mapping | None) -> tuple[Truth, int]:
+    """Read ground truth, and how many rows were left out: without a pose, or with a time that does not increase.
 
-    Raises LogError.
+    Motive's CSV export needs no mapping; other files need its [truth] columns. Raises LogError.
     """
+    if is_motive_export(path):
+        track = read_motive(path, mapping.motive if mapping is not None else MotiveOptions())
+        rises = _rising(path, track.time_s)
+        truth = Truth(track.time_s[rises], track.xy[rises], track.theta[rises])
+        return truth, track.hidden_frames + int(np.sum(~rises))
+    if mapping is None:
+        raise LogError(f"{path}: a truth file needs a column mapping", hint="give --mapping FILE with [truth]")
     wanted = mapping.truth
     if wanted is None:
         raise LogError(f"{mapping.source} has no [truth]", hint="name the columns of time, x and y")
@@ -139,11 +150,11 @@ def _truth_of(
 
 
 def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple[WheelLog, ImportSummary]:
-    """Read a CSV log (and its truth) and reject its spikes. Raises LogError that names file, row and column."""
-    columns = read_columns(path, mapping.delimiter, mapping.header)
-    time = unwrapped_clock(_column(path, columns, mapping.time, mapping, LARGEST_TIME) * mapping.time_unit)
+    """Read a CSV log or a ROS bag (and its truth), reject spikes. Raises LogError that names file, row and column."""
+    columns, time, poses = _source(path, mapping)
     keep = _rising(path, time)
     wheels = np.stack([_column(path, columns, name, mapping) for name in mapping.wheels], axis=1)[keep]
+    wheels *= np.array(mapping.wheel_scale)
     _require_turning(path, wheels, mapping)
     duty = np.zeros_like(wheels)
     if mapping.duty:
@@ -166,7 +177,7 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         heading[frozen_rows(raw_heading, time[keep], driven, mapping.period_s)] = np.nan
     counted, counter_restarts = _counts(path, wheels, step, mapping)
     counts = counted * np.array(mapping.wheel_sign)
-    known_truth, truth_dropped = _truth(path, columns, mapping, truth)
+    known_truth, truth_dropped = _truth(path, columns, poses, mapping, truth)
     log = WheelLog(
         name=path.stem,
         period_s=mapping.period_s,
@@ -194,9 +205,35 @@ def import_log(path: Path, mapping: Mapping, truth: Path | None = None) -> tuple
         noise_correlation=noise.correlation,
         outlier_share=noise.outlier_share,
         counter_restarts_s=tuple(float(log.time_s[row]) for row in counter_restarts),
-        frozen=frozen_columns({name: values[keep] for name, values in columns.items()}, time[keep]),
+        frozen=_frozen_in_motion(columns, keep, log, mapping),
     )
     return replace(log, good=good), summary
+
+
+def _source(path: Path, mapping: Mapping) -> tuple[dict[str, Array], Array, BagPoses | None]:
+    """Return the columns of a CSV file or a ROS bag, the rows' times [s], and the poses in the bag. Raises LogError."""
+    if is_motive_export(path):
+        raise LogError(
+            f"{path} is an export of OptiTrack Motive: it has poses and no wheel counts",
+            hint="give the robot's own log as LOG, and this file as --truth",
+        )
+    if is_bag(path) and mapping.bag is None:
+        raise LogError(f"{path} is a ROS bag", hint=f"name its topics in {mapping.source}: [bag] wheels, truth")
+    if mapping.bag is None:
+        columns = read_columns(path, mapping.delimiter, mapping.header)
+        return (
+            columns,
+            unwrapped_clock(_column(path, columns, mapping.time, mapping, LARGEST_TIME) * mapping.time_unit),
+            None,
+        )
+    if not is_bag(path):
+        raise LogError(
+            f"{path} is not a ROS bag, but {mapping.source} has [bag]",
+            hint="give the folder with metadata.yaml, an .mcap file or a .bag file",
+        )
+    field = "velocity" if mapping.quantity == "speed" else "position"
+    time, values, poses = read_bag(path, mapping.bag, mapping.wheels, field)
+    return dict(zip(mapping.wheels, values.T, strict=True)), time, poses
 
 
 def _require_period(path: Path, step_s: Array, mapping: Mapping) -> None:
@@ -269,24 +306,45 @@ def _require_possible_speeds(path: Path, log: WheelLog, good: Mask, mapping: Map
             )
 
 
-def _truth(path: Path, columns: dict[str, Array], mapping: Mapping, truth: Path | None) -> tuple[Truth | None, int]:
+def _truth(
+    path: Path, columns: dict[str, Array], poses: BagPoses | None, mapping: Mapping, truth: Path | None
+) -> tuple[Truth | None, int]:
     """Return the truth of a file of its own, else of the log itself where the mapping says that it is there."""
     if truth is not None:
         return read_truth(truth, mapping)
+    if poses is not None:
+        known = np.all(np.isfinite(np.column_stack((poses.xy, poses.theta))), axis=1)
+        known[known] = _rising(path, poses.time_s[known])
+        return Truth(poses.time_s[known], poses.xy[known], poses.theta[known]), int(np.sum(~known))
     if mapping.truth is not None and mapping.truth.in_log:
         return _truth_of(path, columns, mapping.truth, mapping, same_clock=True)
     return None, 0
 
 
-def frozen_columns(columns: dict[str, Array], time_s: Array) -> tuple[Frozen, ...]:
-    """Return the longest time that each column was frozen; a setpoint, which seldom changes, never is."""
+def frozen_columns(
+    columns: dict[str, Array], time_s: Array, moving: dict[str, Mask] | None = None
+) -> tuple[Frozen, ...]:
+    """Return the longest time that each column was frozen; a setpoint, which seldom changes, never is.
+
+    Only times count in which rows of ``moving`` (n,), by column, last FROZEN_S: at rest a sensor may keep its value.
+    """
     found = []
     for name, values in columns.items():
         stretches = _frozen(values, time_s)
+        if moving is not None:
+            moved_s = np.cumsum(np.diff(time_s, prepend=time_s[0]) * moving[name])
+            stretches = [(first, last) for first, last in stretches if moved_s[last] - moved_s[first] >= FROZEN_S]
         if stretches:
             first, last = max(stretches, key=lambda rows: rows[1] - rows[0])
             found.append(Frozen(name, float(time_s[first]), float(time_s[last])))
     return tuple(found)
+
+
+def _frozen_in_motion(columns: dict[str, Array], keep: Mask, log: WheelLog, mapping: Mapping) -> tuple[Frozen, ...]:
+    """Return the columns that were frozen while the wheels turned; a wheel's own column, while it turned itself."""
+    moving: dict[str, Mask] = {name: np.any(log.counts != 0.0, axis=1) for name in columns}
+    moving |= dict(zip(mapping.wheels, (log.counts != 0.0).T, strict=True))
+    return frozen_columns({name: values[keep] for name, values in columns.items()}, log.time_s, moving)
 
 
 def frozen_rows(values: Array, time_s: Array, driven: Mask, period_s: float) -> Mask:

@@ -6,19 +6,24 @@
     [log]                       name, delimiter = ",", period_s,
                                 header = ["time", ...]                    (only for files without a header line)
     [log.time]                  column, unit = "s" | "ms" | "us"
+    [bag]                       wheels, truth = "", clock = "header" | "received": topics of a ROS bag, in place of
+                                [log.time]; wheels.columns are names of joints         (only for ROS bags)
     [wheels]                    columns, quantity = "speed" | "increment" | "counts",
-                                unit = "rad/s" | "rpm" | "counts" | "turns", sign = [1, 1, 1], counts_per_revolution,
+                                unit = "rad/s" | "rpm" | "counts" | "turns" | "rad" | "deg", sign = [1, 1, 1],
+                                scale = [1.0, 1.0, 1.0], counts_per_revolution,
                                 sample_s, noise_rad_s                     (optional)
     [duty]                      columns, full_scale, sign                     (optional)
     [heading]                   column, unit = "rad" | "deg", sign            (optional)
     [spikes]                    window_s, threshold, max_rad_s                (optional)
     [truth]                     time, x, y, theta = "", unit = "m" | "mm", time_unit, theta_unit,
                                 in_log = false: true where these columns are in the log itself     (optional)
+    [truth]                     format = "motive", body = "", up = "y" | "z": OptiTrack Motive's CSV export (optional)
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from collections.abc import Mapping as AnyMapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -26,17 +31,19 @@ from typing import Any
 
 from omni_schema.toml_file import read_toml
 from omniwheel.errors import LogError
+from omniwheel.logs.motive import UP_AXES, MotiveOptions
+from omniwheel.logs.rosbag import CLOCKS, HEADER, BagTopics
 
 MAPPING_HINT = "docs/guides/logs.md shows a column mapping"
 TIME_UNITS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 ANGLE_UNITS = {"rad": 1.0, "deg": math.pi / 180.0}
 LENGTH_UNITS = {"m": 1.0, "mm": 1e-3}
-WHEEL_UNITS = {
-    "speed": {"rad/s": 1.0, "rpm": 2.0 * math.pi / 60.0},
-    "increment": {"counts": 1.0, "turns": 0.0},
-    "counts": {"counts": 1.0, "turns": 0.0},
-}
-"""Factors to SI or to counts; 0 stands for counts_per_revolution."""
+SPEED_UNITS = {"rad/s": 1.0, "rpm": 2.0 * math.pi / 60.0}
+PER_TURN = {"turns": 1.0, "rad": 2.0 * math.pi, "deg": 360.0}
+"""A revolution of the wheel in units of an angle."""
+COUNTS = "counts"
+"""Unit of an angle: counts_per_revolution of them are a revolution."""
+QUANTITIES = ("speed", "increment", "counts")
 
 
 SAMPLE_THRESHOLD = 4.0
@@ -79,7 +86,9 @@ class Mapping:
 
     ``sample_s`` [s]: a count is the difference of the angle over this time before its row; 0: since the row before.
     ``noise_rad_s``: standard deviation of a wheel's speed from one count, white; 0: not known.
+    ``wheel_scale``: factors on the wheels' columns, all above 0, as for a gear.
     ``header``: names of the columns of a log without a header line; empty where it has one.
+    ``bag``: topics of a ROS bag, where ``wheels`` are joints. ``motive``: options for a truth that Motive exported.
     """
 
     source: str
@@ -93,6 +102,7 @@ class Mapping:
     quantity: str
     wheel_unit: float
     wheel_sign: tuple[int, ...]
+    wheel_scale: tuple[float, ...]
     counts_per_revolution: int
     sample_s: float
     noise_rad_s: float
@@ -104,6 +114,8 @@ class Mapping:
     heading_sign: int
     spikes: Spikes
     truth: TruthColumns | None
+    motive: MotiveOptions
+    bag: BagTopics | None
 
 
 class _Section:
@@ -181,6 +193,21 @@ class _Section:
             raise self.error(key, f"is {value!r}; must be {length} numbers, each 1 or -1")
         return tuple(int(item) for item in value)
 
+    def scales(self, key: str, length: int) -> tuple[float, ...]:
+        value = self.take(key, [1.0] * length)
+        numbers = isinstance(value, list) and all(
+            isinstance(v, (int, float)) and not isinstance(v, bool) for v in value
+        )
+        if not numbers or len(value) != length or not all(0.0 < item < math.inf for item in value):
+            raise self.error(key, f"is {value!r}; must be {length} finite numbers above 0; sign is a key of its own")
+        return tuple(float(item) for item in value)
+
+    def choice(self, key: str, choices: Collection[str], default: str) -> str:
+        value = self.text(key, default)
+        if value not in choices:
+            raise self.error(key, f"is {value!r}; must be one of {', '.join(choices)}")
+        return value
+
     def done(self) -> None:
         if self.left:
             raise self.error(next(iter(self.left)), "is an unknown key")
@@ -193,18 +220,25 @@ def read_mapping(path: Path) -> Mapping:
     document = dict(read_toml(path))
     source = str(path)
     log = _Section(source, "log", document.pop("log", None))
-    time = _Section(source, "log.time", log.take("time"))
+    bag = _bag(source, document.pop("bag", None))
+    if bag is not None and "time" in log.left:
+        raise log.error("time", "must not be used with [bag]: bag.clock chooses the time")
+    time = _Section(source, "log.time", {"column": ""} if bag is not None else log.take("time"))
     wheels = _Section(source, "wheels", document.pop("wheels", None))
     columns = wheels.columns("columns")
     quantity = wheels.text("quantity")
-    if quantity not in WHEEL_UNITS:
-        raise wheels.error("quantity", f"is {quantity!r}; must be one of {', '.join(WHEEL_UNITS)}")
-    wheel_unit = wheels.unit("unit", WHEEL_UNITS[quantity])
+    if quantity not in QUANTITIES:
+        raise wheels.error("quantity", f"is {quantity!r}; must be one of {', '.join(QUANTITIES)}")
     counts_per_revolution = wheels.whole("counts_per_revolution")
+    per_angle = {COUNTS: 1.0} | {unit: counts_per_revolution / turn for unit, turn in PER_TURN.items()}
+    wheel_unit = wheels.unit("unit", SPEED_UNITS if quantity == "speed" else per_angle)
     period_s = log.number("period_s")
     sample_s = _sample_s(wheels, quantity, period_s)
     duty, duty_full_scale, duty_sign = _duty(source, document.pop("duty", None), len(columns))
     heading, heading_unit, heading_sign = _heading(source, document.pop("heading", None))
+    truth, motive = _truth(source, document.pop("truth", None))
+    if bag is not None:
+        _require_bag_keys(wheels, quantity, bool(duty or heading), truth)
     mapping = Mapping(
         source=source,
         name=log.text("name"),
@@ -215,8 +249,9 @@ def read_mapping(path: Path) -> Mapping:
         time_unit=time.unit("unit", TIME_UNITS, "s"),
         wheels=columns,
         quantity=quantity,
-        wheel_unit=wheel_unit or float(counts_per_revolution),
+        wheel_unit=wheel_unit,
         wheel_sign=wheels.signs("sign", len(columns)),
+        wheel_scale=wheels.scales("scale", len(columns)),
         counts_per_revolution=counts_per_revolution,
         sample_s=sample_s,
         noise_rad_s=wheels.number("noise_rad_s", 0.0),
@@ -227,7 +262,9 @@ def read_mapping(path: Path) -> Mapping:
         heading_unit=heading_unit,
         heading_sign=heading_sign,
         spikes=_spikes(source, document.pop("spikes", {}), sample_s),
-        truth=_truth(source, document.pop("truth", None)),
+        truth=truth,
+        motive=motive,
+        bag=bag,
     )
     for section in (log, time, wheels):
         section.done()
@@ -282,10 +319,33 @@ def _spikes(source: str, table: object, sample_s: float) -> Spikes:
     return found
 
 
-def _truth(source: str, table: object) -> TruthColumns | None:
+def _bag(source: str, table: object) -> BagTopics | None:
     if table is None:
         return None
+    section = _Section(source, "bag", table)
+    found = BagTopics(section.text("wheels"), section.text("truth", ""), section.choice("clock", CLOCKS, HEADER))
+    section.done()
+    return found
+
+
+def _require_bag_keys(wheels: _Section, quantity: str, has_other_columns: bool, truth: TruthColumns | None) -> None:
+    """Raise LogError for keys that name columns, which a ROS bag does not have."""
+    if quantity == "increment":
+        raise wheels.error("quantity", "is increment; joint states have positions (counts) or velocities (speed)")
+    if has_other_columns:
+        raise wheels.error("columns", "are joints of a ROS bag: [duty] and [heading] must not be used with [bag]")
+    if truth is not None and truth.in_log:
+        raise wheels.error("columns", "are joints of a ROS bag: name the topic of the truth in bag.truth")
+
+
+def _truth(source: str, table: object) -> tuple[TruthColumns | None, MotiveOptions]:
+    if table is None:
+        return None, MotiveOptions()
     section = _Section(source, "truth", table)
+    if section.choice("format", ("columns", "motive"), "columns") == "motive":
+        motive = MotiveOptions(section.text("body", ""), section.choice("up", UP_AXES, "y"))
+        section.done()
+        return None, motive
     found = TruthColumns(
         time=section.text("time"),
         x=section.text("x"),
@@ -297,4 +357,4 @@ def _truth(source: str, table: object) -> TruthColumns | None:
         in_log=section.flag("in_log"),
     )
     section.done()
-    return found
+    return found, MotiveOptions()

@@ -70,9 +70,9 @@ def count_noise_warning(log: WheelLog, counts: Sequence[float], correlation: Seq
         )
     if log.sample_s == 0.0 and abs(told) < 0.5 * _ADDS_UP and min(counts) > _CLEAR_COUNTS:
         return (
-            f"Each count has a noise of its own ({min(counts):.1f} counts or more, correlation {told:+.2f}), which no "
-            "encoder adds up to an angle. If each is the difference over a shorter time than a row, say so by sample_s "
-            "under [wheels]."
+            f"The noise of a count ({min(counts):.1f} counts or more) has a correlation of {told:+.2f} with the next "
+            "one's; where rows share their readings it is near -0.5. If each count is the difference over a shorter "
+            "time than a row, set sample_s under [wheels]."
         )
     return ""
 

@@ -185,6 +185,17 @@ def test_a_sensor_that_stops_is_named_and_a_setpoint_is_not() -> None:
     assert frozen_columns(columns, time) == (Frozen("imu", 4.2, 5.99),)
 
 
+def test_a_column_of_a_robot_at_rest_is_not_frozen(tmp_path: Path, files: Path, mapping: Mapping) -> None:
+    lines = [line.split(",") for line in rows(files / "run1.csv")]
+    columns = [lines[0].index(name) for name in ("w1", "w2", "w3", "alpha")]
+    for row in range(401, 501):
+        for column in columns:
+            lines[row][column] = lines[400][column] if column == columns[-1] else "0.0"
+    found = import_log(changed(tmp_path, [",".join(line) for line in lines]), mapping)[1].frozen
+    assert not {entry.column for entry in found} & {"w1", "w2", "w3"}
+    assert not any(entry.column == "alpha" and 3.9 < entry.start_s < 5.1 for entry in found)
+
+
 def test_a_heading_that_is_frozen_while_the_wheels_are_driven_is_not_known(
     tmp_path: Path, files: Path, mapping: Mapping
 ) -> None:

@@ -11,10 +11,11 @@ import pytest
 from omniwheel.errors import LogError
 from omniwheel.identification.odometry_calibration import body_from_wheels
 from omniwheel.identification.pose_fit.scores import score
-from omniwheel.identification.pose_fit.wheel_model import wheel_model
+from omniwheel.identification.pose_fit.wheel_model import WheelModel, wheel_model
 from omniwheel.identification.pose_fit.windows import cut, integrate, linearised, run_of
+from omniwheel.logs.log import Truth
 from omniwheel.robots import read_robot
-from tests.host.pose_fit.robots import FOUR, THREE, drive, true_values
+from tests.host.pose_fit.robots import FOUR, THREE, Motion, drive, true_values
 
 
 @pytest.mark.parametrize("name", ["three_wheel", "four_wheel"])
@@ -81,3 +82,24 @@ def test_logs_that_cannot_be_used_are_refused_with_the_reason() -> None:
         run_of(replace(log, truth=replace(truth, xy=np.full((len(truth.time_s), 2), np.nan))), "", THREE)
     with pytest.raises(LogError, match="truth"):
         run_of(replace(log, truth=None), "", THREE)
+
+
+@pytest.mark.parametrize("layout", [THREE, FOUR])
+def test_two_poses_with_several_turns_between_them_have_the_turns_of_the_wheels(layout: WheelModel) -> None:
+    values = true_values(layout, 1)
+    log = drive(layout, values, 1, Motion((0.0, 0.0), 2.0, one_way=True), duration_s=20.0)
+    truth = log.require_truth()
+    ends = [0, -1]
+    wrapped = np.angle(np.exp(1j * truth.theta[ends]))
+    sparse = replace(log, truth=Truth(truth.time_s[ends], truth.xy[ends], wrapped, same_clock=True))
+    turned = truth.theta[-1] - truth.theta[0]
+    assert turned > 6.0 * np.pi
+    assert np.diff(run_of(sparse, "", layout).pose[:, 2])[0] == pytest.approx(turned, abs=1e-6)
+
+
+def test_the_documented_radii_are_those_of_an_earlier_calibration() -> None:
+    robot = read_robot("three_wheel")
+    scale = [1.01, 1.0, 0.97]
+    scales = {f"W{wheel + 1}_RSCALE": value for wheel, value in enumerate(scale)}
+    layout = wheel_model(replace(robot, overrides={**robot.overrides, **scales}))
+    assert layout.nominal[:3] == pytest.approx(layout.radius_m * np.array(scale))

@@ -58,7 +58,7 @@ def study_data(study: GeometryStudy) -> dict[str, Any]:
             {
                 "name": run.nominal.name,
                 "group": run.nominal.group,
-                **{k: _score(of(run)) for k, (of, _) in KINDS.items()},
+                **{k: score_data(of(run)) for k, (of, _) in KINDS.items()},
             }
             for run in study.held_out
         ],
@@ -128,7 +128,8 @@ def _summary(scores: Sequence[Score], measure: Callable[[Score], float]) -> dict
     return {name: known(value) for name, value in vars(summary(scores, measure)).items()}
 
 
-def _score(run: Score) -> dict[str, float | None]:
+def score_data(run: Score) -> dict[str, float | None]:
+    """Return one run's errors in SI units, None for what was not measured."""
     return {**{name: known(_field(key)(run)) for key, name in _JSON.items()}, "path_m": run.path_m}
 
 

@@ -73,11 +73,15 @@ MODELS = (
 
 @dataclass(frozen=True)
 class WheelModel:
-    """Nominal layout: ``radius_m``, ``distance_m``, ``bearing_rad`` (n,); parameters are one vector in SI units."""
+    """Nominal layout: ``radius_m``, ``distance_m``, ``bearing_rad`` (n,); parameters are one vector in SI units.
+
+    ``radius_scale``: radius of each wheel over ``radius_m``, as of an earlier calibration; empty: 1.
+    """
 
     radius_m: float
     distance_m: float
     bearing_rad: Array
+    radius_scale: tuple[float, ...] = ()
 
     @property
     def wheels(self) -> int:
@@ -109,7 +113,8 @@ class WheelModel:
     def nominal(self) -> Array:
         """Parameters of the documented geometry."""
         n = self.wheels
-        return np.array([self.radius_m] * n + [self.distance_m] + [0.0] * (4 + 3 * n))
+        radii = [self.radius_m * scale for scale in self.radius_scale or (1.0,) * n]
+        return np.array([*radii, self.distance_m] + [0.0] * (4 + 3 * n))
 
     @property
     def prior_sd(self) -> Array:
@@ -176,7 +181,8 @@ def wheel_model(robot: Robot) -> WheelModel:
     """Return the layout of a robot file. Raises LogError where its wheels do not span the plane."""
     values = robot.parameter_values()
     bearing = np.radians(np.array(robot.geometry["wheel_angle_deg"], dtype=np.float64))
-    model = WheelModel(values["WHEEL_RADIUS"], values["WHEEL_DIST"], bearing)
+    scale = tuple(values[f"W{wheel + 1}_RSCALE"] for wheel in range(robot.wheels))
+    model = WheelModel(values["WHEEL_RADIUS"], values["WHEEL_DIST"], bearing, scale)
     rows = np.column_stack((-np.sin(bearing), np.cos(bearing), np.ones(len(bearing))))
     if np.linalg.matrix_rank(rows, tol=1e-3) < 3:
         raise LogError(

@@ -77,7 +77,8 @@ class Window:
 def run_of(log: WheelLog, group: str, layout: WheelModel) -> Run:
     """Return what the fit needs of a log. Raises LogError where the truth is missing.
 
-    A truth without any heading is taken as the positions of one marker.
+    A truth without any heading is taken as the positions of one marker. Headings may be wrapped: full turns between
+    two poses are those that the documented geometry gives.
 
     Every count is used as logged: one that was marked as a spike adds up to the angle like any other.
     """
@@ -99,9 +100,15 @@ def run_of(log: WheelLog, group: str, layout: WheelModel) -> Run:
         )
     angle = log.counts * log.rad_per_count
     angle[0] = 0.0  # what the wheels rolled before the first row
-    heading = np.unwrap(truth.theta[known]) if headings else np.full(int(np.sum(known)), np.nan)
+    angle = np.cumsum(angle, axis=0)
+    heading = np.full(int(np.sum(known)), np.nan)
+    if headings:
+        # Between two poses far apart the robot may have turned more than half a turn, as the wheels show.
+        turned = angle @ layout.matrix(layout.nominal)[2, : layout.wheels]
+        turned_there = np.interp(truth.time_s[known], log.time_s, turned)
+        heading = turned_there + np.unwrap(truth.theta[known] - turned_there)
     pose = np.column_stack((truth.xy[known], heading))
-    rolled = layout.rolled(log.time_s, np.cumsum(angle, axis=0))
+    rolled = layout.rolled(log.time_s, angle)
     return Run(log.name, group, log.time_s, rolled, truth.time_s[known], pose, truth.same_clock)
 
 

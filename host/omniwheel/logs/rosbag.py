@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: MIT
+"""ROS bags through the library ``rosbags`` (the extra ``rosbag``): joint states as wheels, a pose topic as truth.
+
+Reads rosbag2 (a folder, or an .mcap file) and ROS 1 bags (.bag). No ROS installation is needed.
+"""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from omni_schema.errors import did_you_mean
+from omniwheel.errors import LogError
+from omniwheel.logs.log import Array
+
+LIBRARY = "rosbags"
+JOINTS = "sensor_msgs/msg/JointState"
+POSES = {
+    "nav_msgs/msg/Odometry": ("pose", "pose"),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": ("pose", "pose"),
+    "geometry_msgs/msg/PoseStamped": ("pose",),
+    "geometry_msgs/msg/TransformStamped": ("transform",),
+}
+"""Message types that are poses, and where in the message the pose is."""
+FILES = (".mcap", ".bag")
+TOPICS_SHOWN = 20
+HEADER, RECEIVED = "header", "received"
+CLOCKS = (HEADER, RECEIVED)
+
+
+@dataclass(frozen=True)
+class BagTopics:
+    """Topics of the ``wheels`` (JointState) and the ``truth`` ("": none), and which ``clock`` gives the times.
+
+    The clock is that of the messages' headers, or when the recorder received them.
+    """
+
+    wheels: str
+    truth: str
+    clock: str
+
+
+@dataclass(frozen=True)
+class BagPoses:
+    """Poses of the truth topic: ``time_s`` (n,) [s], ``xy`` (n, 2) [m], ``theta`` (n,) [rad] unwrapped."""
+
+    time_s: Array
+    xy: Array
+    theta: Array
+
+
+def is_bag(path: Path) -> bool:
+    """Say whether a path is a ROS bag: a folder with metadata.yaml, an .mcap or a .bag file."""
+    return (path / "metadata.yaml").is_file() or (path.suffix in FILES and path.is_file())
+
+
+def read_bag(
+    path: Path, topics: BagTopics, joints: tuple[str, ...], field: str
+) -> tuple[Array, Array, BagPoses | None]:
+    """Return the times (n,) [s] of the joint states, their values (n, joints) and the truth; time 0 is the first row.
+
+    ``field`` of the joint state is position or velocity. Raises LogError.
+    """
+    with _opened(path) as reader:
+        wheels = _topic(path, reader, topics.wheels, (JOINTS,), "bag.wheels")
+        stamps, values = _joint_rows(path, reader, wheels, topics, joints, field)
+        poses = None
+        if topics.truth:
+            poses = _poses(
+                path, reader, _topic(path, reader, topics.truth, tuple(POSES), "bag.truth"), topics, stamps[0]
+            )
+    return 1e-9 * (stamps - stamps[0]), values, poses
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    """Open a bag. Raises LogError where the library is missing, or the bag is damaged."""
+    try:
+        highlevel, typesys = (importlib.import_module(f"{LIBRARY}.{part}") for part in ("highlevel", "typesys"))
+    except ImportError as error:
+        hint = "pip install 'omniwheel[rosbag]'"
+        raise LogError(
+            f"{path} is a ROS bag, and the library {LIBRARY} is not usable here: {error}", hint=hint
+        ) from error
+    try:
+        types = typesys.get_typestore(typesys.Stores.LATEST)
+        with highlevel.AnyReader([path], default_typestore=types) as reader:
+            yield reader
+    except LogError:
+        raise
+    except Exception as error:  # the library passes on errors of SQLite, MCAP, YAML and its own
+        raise LogError(f"{path} cannot be read as a ROS bag: {error}", hint="check it with: ros2 bag info") from error
+
+
+def _topic(path: Path, reader: Any, name: str, types: tuple[str, ...], key: str) -> Any:
+    """Return the connections of a topic with a message of one of these types. Raises LogError."""
+    found = [each for each in reader.connections if each.topic == name]
+    if not found:
+        listed = sorted({f"{each.topic} ({each.msgtype})" for each in reader.connections})
+        raise LogError(
+            f"{path} has no topic {name!r}{did_you_mean(name, [each.topic for each in reader.connections])}",
+            hint=f"correct {key} in the column mapping; topics: {', '.join(listed[:TOPICS_SHOWN])}",
+        )
+    wrong = [each.msgtype for each in found if each.msgtype not in types]
+    if wrong:
+        raise LogError(f"{path}: {name} is {wrong[0]}", hint=f"{key} must be a topic of {' or '.join(types)}")
+    return found
+
+
+def _joint_rows(
+    path: Path, reader: Any, wheels: Any, topics: BagTopics, joints: tuple[str, ...], field: str
+) -> tuple[Array, Array]:
+    """Return stamps (n,) [ns] and values (n, joints) of the messages that have all joints. Raises LogError."""
+    stamps, rows = [], []
+    names: dict[str, None] = {}
+    for message, received in _messages(reader, wheels):
+        names.update(dict.fromkeys(message.name))
+        numbers = dict(zip(message.name, getattr(message, field), strict=False))
+        if all(joint in numbers for joint in joints):
+            stamps.append(_stamp(path, topics, message, received))
+            rows.append([float(numbers[joint]) for joint in joints])
+    if not rows:
+        missing = [joint for joint in joints if joint not in names]
+        if missing:
+            raise LogError(
+                f"{path}: {topics.wheels} has no joint {missing[0]!r}{did_you_mean(missing[0], list(names))}",
+                hint=f"correct wheels.columns in the column mapping; the joints are {', '.join(names) or 'missing'}",
+            )
+        raise LogError(
+            f"{path}: no message of {topics.wheels} has a {field} of all wheels",
+            hint="a quantity of speed needs velocities, counts need positions: correct wheels.quantity",
+        )
+    return np.array(stamps, dtype=np.int64), np.array(rows, dtype=np.float64)
+
+
+def _poses(path: Path, reader: Any, truth: Any, topics: BagTopics, start_ns: int) -> BagPoses:
+    """Return the poses of a topic in the order of their stamps. Raises LogError."""
+    found = []
+    for message, received in _messages(reader, truth):
+        pose = message
+        for name in POSES[truth[0].msgtype]:
+            pose = getattr(pose, name)
+        place = pose.translation if hasattr(pose, "translation") else pose.position
+        turn = pose.rotation if hasattr(pose, "rotation") else pose.orientation
+        heading = np.arctan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
+        found.append((1e-9 * (_stamp(path, topics, message, received) - start_ns), place.x, place.y, heading))
+    if not found:
+        raise LogError(f"{path}: {topics.truth} has no messages", hint="correct bag.truth in the column mapping")
+    table = np.array(sorted(found), dtype=np.float64)
+    return BagPoses(table[:, 0], table[:, 1:3], np.unwrap(table[:, 3]))
+
+
+def _messages(reader: Any, connections: Any) -> Iterator[tuple[Any, int]]:
+    """Yield each message and when it was received [ns]."""
+    for connection, received, raw in reader.messages(connections=connections):
+        yield reader.deserialize(raw, connection.msgtype), received
+
+
+def _stamp(path: Path, topics: BagTopics, message: Any, received: int) -> int:
+    """Return the message's time [ns]. Raises LogError where its header has none."""
+    if topics.clock == RECEIVED:
+        return received
+    stamp = int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+    if stamp == 0:
+        raise LogError(
+            f"{path}: a header of {topics.wheels if hasattr(message, 'name') else topics.truth} has no time stamp",
+            hint=f'use the time of recording: clock = "{RECEIVED}" under [bag] in the column mapping',
+        )
+    return stamp
