@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // A path drawn on the map: what the robot would follow is asked of the server, and shown before it is driven.
 
+import { all_numbers, number_in } from "./numbers.js";
 import { id, put } from "./words.js";
 
 export class DrawnPath {
@@ -10,7 +11,7 @@ export class DrawnPath {
     this.ask = ask; // (action, content) => result, undefined if it was refused; the refusal is shown
     id("draw").onclick = () => this.#draw(!map.drawing);
     id("follow-line").onclick = () => {
-      if (!armed()) return;
+      if (!armed() || !this.#numbers()) return;
       map.cancel();
       this.ask("follow_line", this.#request());
     };
@@ -32,17 +33,21 @@ export class DrawnPath {
     if (on) put("draw-text", "press on the map and draw");
   }
 
+  #numbers() { return all_numbers(id("draw-speed"), id("laps")); }
+
   #request() {
     return {
       line: this.map.line,
-      speed: Number(id("draw-speed").value),
-      laps: Number(id("laps").value),
+      speed: number_in(id("draw-speed")),
+      laps: number_in(id("laps")),
       heading: id("draw-heading").value === "keep" ? this.map.heading : null,
     };
   }
 
   async #preview() {
     if (this.map.line.length < 2) return;
+    id("follow-line").disabled = true; // until what it would do is known
+    if (!this.#numbers()) return;
     const found = await this.ask("preview_path", this.#request());
     if (this.map.line.length < 2) return; // it was forgotten meanwhile
     this.map.planned(found?.line ?? []);

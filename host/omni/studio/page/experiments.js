@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Experiments: choose one, see what it will use, start it, see its result. All names and words come from the server.
 
+import { all_numbers, number_field, number_in } from "./numbers.js";
 import { id, in_words, put, show_lines } from "./words.js";
 
 const shown = (number) => (number === null ? "–" : String(Number(number.toPrecision(4))));
@@ -48,10 +49,10 @@ export class Experiments {
       field.append(...options.map(([, words], place) => new Option(words, place)));
       this.#fields.set(key, () => options[Number(field.value)][0]);
     } else {
-      Object.assign(field, { type: "number", min: min ?? "", max: max ?? "", step: "any", required: usual !== null });
+      number_field(field, { min, max, optional: usual === null });
       field.value = usual ?? "";
       if (usual === null) field.placeholder = "default";
-      this.#fields.set(key, () => (field.value === "" ? null : Number(field.value)));
+      this.#fields.set(key, () => number_in(field));
     }
     return made;
   }
@@ -62,7 +63,7 @@ export class Experiments {
   }
 
   async #look() {
-    if (!id("experiment-form").reportValidity()) return;
+    if (!all_numbers(...id("experiment-choices").querySelectorAll("input"))) return;
     try {
       put("experiment-needs", `It ${await this.socket.ask("experiment", this.#wanted())}.`);
       put("experiment-text", "");

@@ -9,6 +9,7 @@ import { Flasher } from "./flasher.js";
 import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
+import { all_numbers, number_in, watch_numbers } from "./numbers.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
 import { Runs } from "./runs.js";
@@ -194,6 +195,8 @@ const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 
 // ---- what the person does
 
+watch_numbers();
+
 /** Nothing that is held or repeated moves the robot from here on. */
 function release_controls() {
   map.cancel();
@@ -271,9 +274,9 @@ id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.sto
 id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
 id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };
 id("start-path").onclick = () => {
-  if (!armed()) return;
+  if (!armed() || !all_numbers(id("laps"))) return;
   map.cancel();
-  ask("start_trajectory", { type: id("path").value, laps: Number(id("laps").value) });
+  ask("start_trajectory", { type: id("path").value, laps: number_in(id("laps")) });
 };
 id("stop-path").onclick = () => ask("stop_trajectory");
 id("cancel").onclick = () => { map.cancel(); ask("velocity", { vx: 0, vy: 0, wz: 0 }); };
@@ -292,12 +295,12 @@ function armed() {
 }
 
 function start_going() {
-  if (!armed()) return;
+  if (!armed() || !all_numbers(id("target-x"), id("target-y"), id("target-theta"))) return;
   say("");
   map.go({
-    x: Number(id("target-x").value),
-    y: Number(id("target-y").value),
-    theta: (Number(id("target-theta").value) * Math.PI) / 180,
+    x: number_in(id("target-x")),
+    y: number_in(id("target-y")),
+    theta: (number_in(id("target-theta")) * Math.PI) / 180,
   });
 }
 
