@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from omni.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
+from omni.studio.actions import ACTIONS, ENDS_STREAM, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omni.studio.bringup_walk import BringUp
 from omni.studio.bringup_walk import catalogue as bring_up_catalogue
 from omni.studio.experiments import Experiments, catalogue
@@ -47,6 +47,8 @@ from omniwheel.robot import Robot
 from omniwheel.sensor_quality import SENSORS, Sensor
 
 HISTORY_WIDTH = 2000
+_STREAMED_S = 1.0
+"""A page repeats its setpoints far more often; the robot takes them for lost after SAFE_CMD_TO."""
 
 
 class Page:
@@ -94,6 +96,8 @@ class Studio:
         self.pages: list[Page] = []
         self.commanding: Page | None = None
         self._numbers = itertools.count(1)
+        self._setpoint_s = float("-inf")
+        """When a page sent the last setpoint of a stream that may still go on, on the monotonic clock."""
 
     # ---- pages
 
@@ -114,9 +118,12 @@ class Studio:
                 self.session.page_heard_s = float("-inf")
 
     def take_over(self, page: Page) -> None:
-        """Let this page command."""
+        """Let this page command. A robot that another page drives by setpoints comes to rest; a path goes on."""
+        interrupts = self.commanding is not page and time.monotonic() - self._setpoint_s < _STREAMED_S
         self.commanding = page
         self.heard(page)
+        if interrupts and self.session is not None:
+            self.session.come_to_rest()
 
     def heard(self, page: Page) -> None:
         """Note that this page lives."""
@@ -252,6 +259,10 @@ class Studio:
         session = self.require_session()
         self.experiments.require_idle()
         self.bring_up.require_idle()
+        if action in SETPOINTS:
+            self._setpoint_s = time.monotonic()
+        elif action in ENDS_STREAM:
+            self._setpoint_s = float("-inf")
         if "step" in request:  # each page numbers its own
             request = {**request, "step": (page.name, request["step"])}
         if action in MOVES:
@@ -419,6 +430,7 @@ class Studio:
             "experiment": self.experiments.state(),
             "robot": None if session is None or robot is None else robot_state(robot, session.sensors),
             "drive_ended": "" if session is None else session.drive_ended,
+            "last_stop": None if session is None else session.last_stop.as_json(),
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
             "bring_up": self.bring_up.state(),

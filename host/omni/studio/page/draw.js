@@ -5,15 +5,14 @@ import { all_numbers, number_in } from "./numbers.js";
 import { id, put } from "./words.js";
 
 export class DrawnPath {
-  /** @param armed function: whether the robot is armed; it says so if not */
-  constructor(map, ask, armed) {
+  /** on: {armed, whether the robot may move; it says why not; begin(action, content), to follow a path} */
+  constructor(map, ask, { armed, begin }) {
     this.map = map;
     this.ask = ask; // (action, content) => result, undefined if it was refused; the refusal is shown
     id("draw").onclick = () => this.#draw(!map.drawing);
     id("follow-line").onclick = () => {
       if (!armed() || !this.#numbers()) return;
-      map.cancel();
-      this.ask("follow_line", this.#request());
+      begin("follow_line", this.#request());
     };
     id("forget-line").onclick = () => this.#forget();
     for (const name of ["draw-speed", "draw-heading", "laps"]) {

@@ -58,7 +58,6 @@ export class Runs {
     const words = now?.on ? `on: ${now.folder}` : now?.trouble ? `off: ${now.trouble}` : "off";
     put("fact-recording", words);
     id("fact-recording").className = now?.on ? "on" : now?.trouble ? "bad" : "";
-    id("record").textContent = now?.on ? "End recording" : "Record";
     id("record").setAttribute("aria-pressed", Boolean(now?.on));
     id("record").disabled = !now?.on && !connected;
     if (changed) this.refresh();
