@@ -96,13 +96,13 @@ def test_a_path_that_is_refused_leaves_a_held_pose_at_rest(page: Page) -> None:
     assert_no_stop_follows(page)
 
 
-def test_taking_over_while_the_robot_holds_a_pose_trips_no_failsafe(
+def test_taking_over_while_the_robot_drives_to_a_pose_trips_no_failsafe(
     page: Page, shared_studio: Program, open_page: Opener
 ) -> None:
-    arm(page)
-    drive_to(page, 0.1)
     other = open_page(shared_studio.url)
     until(other, "robot?.pose")
+    arm(page)
+    drive_to(page, -0.6)
     other.click("#take-over")
     until(other, "state.commands === 'this page'")
     assert_no_stop_follows(other)
