@@ -11,6 +11,8 @@ from typing import Any
 
 from omniwheel.dialect import mavlink
 
+_FRAME = 12
+"""Bytes of a MAVLink 2 frame around its payload."""
 GAIN = "ISMC_LAM_XY"
 RATE_HZ = 50
 START_S = 5.0
@@ -55,3 +57,16 @@ def write_run(folder: Path, gain: float, seconds: float, began: str = "") -> Non
         "numbers": {"duration_s": seconds},
     }
     (folder / "drive.json").write_text(json.dumps(document))
+
+
+def without(log: bytes, begin_s: float, end_s: float) -> bytes:
+    """Return a telemetry log without what came between two times after its first record."""
+    kept, at = bytearray(), 0
+    first_us = int.from_bytes(log[:8], "big")
+    while at < len(log):
+        size = 8 + _FRAME + log[at + 9]
+        time_s = (int.from_bytes(log[at : at + 8], "big") - first_us) / 1e6
+        if not begin_s < time_s < end_s:
+            kept += log[at : at + size]
+        at += size
+    return bytes(kept)

@@ -87,6 +87,7 @@ def test_a_newcomer_starts_a_simulation_drives_and_comes_back(open_page: Opener)
         page.click("#choose")
         page.click("#disconnect")
         until(page, "state.link.phase === 'none'")
+        until(page, "document.querySelectorAll('.parameter, #texts li').length === 0")  # of the robot before
         page.reload()
         until(page, "state?.link.phase === 'none'")
 

@@ -96,7 +96,8 @@ def test_nothing_is_wider_than_the_screen(phone: Page) -> None:
     wide = phone.evaluate(
         """[...document.querySelectorAll("body *")].filter((element) => element.offsetParent !== null
             && !element.closest("#run-list, #run-compared, canvas, svg, .u-wrap")
-            && element.getBoundingClientRect().right > innerWidth + 1).map((element) => element.outerHTML.slice(0, 80))"""
+            && element.getBoundingClientRect().right > innerWidth + 1)
+            .map((element) => element.outerHTML.slice(0, 80))"""
     )
     assert wide == []
     assert phone.evaluate("document.documentElement.scrollWidth") == PHONE["width"]

@@ -144,6 +144,8 @@ class Studio:
         self._begin(url, system_id)
 
     def _begin(self, url: str, system_id: int | None = None) -> None:
+        self.experiments.forget()
+        self.bring_up.forget()
         simulated = self.simulated
         slowness = (lambda: 1.0) if simulated is None else (lambda: simulated.slowness)
         self.session = Session(url, slowness, system_id)
@@ -350,7 +352,11 @@ class Studio:
         if state != page.state:
             page.state = found["state"] = state
         robot = None if session is None else session.robot  # once: its own thread lets go of it
+        if page.heard is not session:
+            page.heard, page.text_count = session, 0
+            found["forget"] = True  # what is of the robot before
         if session is None:
+            page.session = None
             return found
         texts = self._new_texts(page, session)
         if texts:
@@ -382,8 +388,6 @@ class Studio:
 
     def _new_texts(self, page: Page, session: Session) -> list[dict[str, Any]]:
         """Return what the robot has said, also while it is being connected: why it restarted, for one."""
-        if page.heard is not session:
-            page.heard, page.text_count = session, 0
         with session.lock:
             texts = [text for number, text in session.texts if number > page.text_count]
             page.text_count = session.text_count

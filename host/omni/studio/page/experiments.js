@@ -12,7 +12,7 @@ export class Experiments {
   #looked = false; // what will be done has been said, and nothing was changed since
   #running = false;
   #ready = false;
-  #last = "";
+  #last = "null";
 
   constructor(socket) {
     this.socket = socket;
@@ -97,8 +97,13 @@ export class Experiments {
     this.#running = run?.running ?? false;
     this.#buttons();
     const told = JSON.stringify(run);
-    if (!run || told === this.#last) return;
+    if (!now || told === this.#last) return;
     this.#last = told;
+    if (!run) {
+      for (const name of ["needs", "text", "seconds"]) put(`experiment-${name}`, "");
+      id("experiment-result").hidden = true;
+      return;
+    }
     put("experiment-needs", run.needs && `It ${run.needs}.`);
     put("experiment-seconds", run.running ? `${run.seconds} s` : "");
     const ended = run.trouble ? `${run.name} ended: ${run.trouble}` : `${run.name} is done: ${run.folder}`;

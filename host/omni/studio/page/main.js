@@ -74,6 +74,7 @@ const gamepad = new Gamepad(velocity, { stop, found: (words) => put("gamepad-tex
 // ---- what the server says
 
 function news(message) {
+  if (message.forget) forget_robot();
   if (message.tables) tables(message.tables);
   if (message.parameters) parameters.values(message.parameters);
   if (message.marks) plots.marks(message.marks);
@@ -101,6 +102,13 @@ function tables({ again, signals, view, wheels, radius_m, speed, paths, path, ..
   }
   id("path").replaceChildren(...paths.map((name) => new Option(name, name)));
   if (paths.includes(path)) id("path").value = path;
+}
+
+/** What is shown of the robot before this one, or of none. Its plots stay until the next one: they may be saved. */
+function forget_robot() {
+  id("texts").replaceChildren();
+  parameters.tables([]);
+  map.clear();
 }
 
 function add_text({ severity, text }) {

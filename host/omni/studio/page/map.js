@@ -92,6 +92,7 @@ export class FloorMap {
   get heading() { return this.#state?.pose?.[2] ?? 0; }
 
   state(robot) {
+    if (!robot && this.#trail.at(-1)) this.#trail.push(null); // what it drives unheard is not known
     this.#state = robot;
     const pose = robot?.pose;
     if (pose) {
@@ -247,7 +248,7 @@ export class FloorMap {
   #line(c, points, colour, dash) {
     c.strokeStyle = colour;
     c.setLineDash(dash);
-    stroke(c, points.map((point) => this.#pixel(point)));
+    stroke(c, points.map((point) => point && this.#pixel(point)));
   }
 
   #robot(c, pose, colour, dash) {
@@ -309,6 +310,10 @@ function close([x, y, theta], target) {
 
 function stroke(c, points) {
   c.beginPath();
-  for (const [n, [x, y]] of points.entries()) (n === 0 ? c.moveTo(x, y) : c.lineTo(x, y));
+  let pen = "moveTo";
+  for (const point of points) { // null: a gap
+    if (point) c[pen](...point);
+    pen = point ? "lineTo" : "moveTo";
+  }
   c.stroke();
 }

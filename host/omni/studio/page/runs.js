@@ -27,6 +27,7 @@ export class Runs {
       limit: (name) => this.#limit(name),
       series: (key) => this.#open.map((_, n) => `${n}${BETWEEN}${key}`),
       info: (key) => this.#info(key),
+      logs: () => this.#open.length,
     });
     this.plots.on_pause = (paused) => { id("run-whole").disabled = !paused; };
     this.plots.on_mark = (words) => { put("run-mark-text", words); };
