@@ -43,18 +43,20 @@ def frames(seconds: float, gain: float = 4.0, rate_hz: float = RATE_HZ) -> Itera
             yield round(time_s * 1e6).to_bytes(8, "big") + bytes(message.pack(codec))
 
 
-def write_run(folder: Path, gain: float, seconds: float, began: str = "") -> None:
-    """Write a folder as a drive leaves it."""
+def write_run(
+    folder: Path, gain: float, seconds: float, began: str = "", asked: str = "a sine", **numbers: float
+) -> None:
+    """Write a folder as a drive leaves it; ``numbers`` besides its duration."""
     folder.mkdir(parents=True)
     (folder / "telemetry.tlog").write_bytes(b"".join(frames(seconds, gain)))
     (folder / "parameters.toml").write_text(f"[parameters]\n{GAIN} = {gain}\n")
     document = {
         "kind": "drive",
-        "asked": "a sine",
+        "asked": asked,
         "began": began,
         "end": "done",
         "link": "tcp:127.0.0.1:5760",
-        "numbers": {"duration_s": seconds},
+        "numbers": {"duration_s": seconds, **numbers},
     }
     (folder / "drive.json").write_text(json.dumps(document))
 
