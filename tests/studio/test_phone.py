@@ -89,6 +89,17 @@ def test_a_finger_draws_a_path_once_it_was_asked_for(phone: Page) -> None:
     phone.tap("#forget-line")
 
 
+def test_stop_stays_in_sight_and_leaves_room(phone: Page) -> None:
+    phone.evaluate("window.scrollTo(0, 2000)")
+    phone.evaluate("new Promise(requestAnimationFrame)")
+    box = phone.locator("#stop").bounding_box()
+    assert box is not None
+    assert 0 <= box["y"] < 60
+    header = phone.locator("header").bounding_box()
+    assert header is not None
+    assert header["y"] + header["height"] < 200, "of 844"
+
+
 def test_nothing_is_wider_than_the_screen(phone: Page) -> None:
     phone.evaluate("document.querySelectorAll('details').forEach((group) => { group.open = true; })")
     phone.fill("#search", "")

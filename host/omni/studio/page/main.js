@@ -219,6 +219,10 @@ const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 // ---- what the person does
 
 watch_numbers();
+new ResizeObserver(() => { // on a phone, its buttons stay in sight
+  const actions = document.querySelector("header .actions");
+  document.documentElement.style.setProperty("--above-actions", `${actions.offsetTop - 4}px`);
+}).observe(id("facts"));
 
 /** Nothing that is held or repeated moves the robot from here on. */
 function release_controls() {

@@ -15,7 +15,8 @@ export function parse_number(text, { min = -Infinity, max = Infinity, whole = fa
   const typed = text.trim().replace("−", "-");
   if (typed === "") return optional ? { value: null } : { problem: "Type a number." };
   if (GROUPED.test(typed)) {
-    return { problem: `“${typed}” is ambiguous: type ${typed.replace(",", ".")} or ${typed.replace(",", "")}.` };
+    const meant = [whole ? "" : `${typed.replace(",", ".")} or `, typed.replace(",", "")].join("");
+    return { problem: `“${typed}” is ambiguous: type ${meant}.` };
   }
   const plain = DECIMAL_COMMA.test(typed) ? typed.replace(",", ".") : typed;
   const value = Number(plain);

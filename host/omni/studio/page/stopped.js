@@ -28,7 +28,8 @@ export function show_stop(now, watching) {
   put("stopped-what", WHAT[stop.state] + (cause ? `: ${cause}` : ""));
   const present = robot.faults.filter((fault) => stop.cause.split(", ").includes(fault));
   const still = robot.state === "disarmed" && present.length ? `still present: ${present.join(", ")}` : "";
-  put("stopped-values", [...stop.values, still].filter(Boolean).join("; "));
+  const values = stop.values.map((text) => text.replace(`${wheel}: `, ""));
+  put("stopped-values", [...values, still].filter(Boolean).join("; "));
   const [words, button] = NEXT[robot.state] ?? AGAIN;
   put("stopped-next", words);
   id("stopped-next").onclick = () => id(button).click();
