@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ _FRAME = 12
 GAIN = "ISMC_LAM_XY"
 RATE_HZ = 50
 START_S = 5.0
+NONE: Mapping[str, float] = {}
 
 
 def frames(seconds: float, gain: float = 4.0, rate_hz: float = RATE_HZ) -> Iterator[bytes]:
@@ -44,7 +45,12 @@ def frames(seconds: float, gain: float = 4.0, rate_hz: float = RATE_HZ) -> Itera
 
 
 def write_run(
-    folder: Path, gain: float, seconds: float, began: str = "", asked: str = "a sine", **numbers: float
+    folder: Path,
+    gain: float,
+    seconds: float,
+    began: str = "",
+    asked: str = "a sine",
+    numbers: Mapping[str, float] = NONE,
 ) -> None:
     """Write a folder as a drive leaves it; ``numbers`` besides its duration."""
     folder.mkdir(parents=True)

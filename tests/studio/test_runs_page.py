@@ -49,10 +49,10 @@ RMSE = {"position_rmse_m": 0.37e-3, "heading_rmse_rad": 0.01, "largest_error_m":
 
 
 def test_errors_in_the_pose_say_what_they_were_measured_by(tmp_path: Path, open_page: Opener) -> None:
-    write_run(tmp_path / "path", 4.0, 2.0, asked="trajectory rose", **RMSE)
-    write_run(tmp_path / "keys", 4.0, 2.0, asked="recorded in the studio", **RMSE)
-    write_run(tmp_path / "recorded", 4.0, 2.0, asked="recorded in the studio, trajectory", **RMSE)
-    write_run(tmp_path / "step", 4.0, 2.0, asked="wheel-step", **RMSE)
+    write_run(tmp_path / "path", 4.0, 2.0, asked="trajectory rose", numbers=RMSE)
+    write_run(tmp_path / "keys", 4.0, 2.0, asked="recorded in the studio", numbers=RMSE)
+    write_run(tmp_path / "recorded", 4.0, 2.0, asked="recorded in the studio, trajectory", numbers=RMSE)
+    write_run(tmp_path / "step", 4.0, 2.0, asked="wheel-step", numbers=RMSE)
     (tmp_path / "demo").mkdir()
     (tmp_path / "demo" / "summary.json").write_text(json.dumps(DEMO))
     with studio("--out", str(tmp_path)) as program:
