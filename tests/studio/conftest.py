@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from tests.needs import need
-from tests.studio.parts import SAFE, WAIT_MS, WITHOUT_WINDOW, Opener, Program, studio
+from tests.studio.parts import SAFE, WAIT_MS, WITHOUT_WINDOW, Opener, Program, studio, take_over, until
 
 
 @pytest.fixture(scope="session")
@@ -36,6 +36,21 @@ def simulated() -> Iterator[Program]:
     with studio("sitl") as program:
         program.hear_robot()
         yield program
+
+
+@pytest.fixture(scope="module")
+def shared_page(shared_studio: Program, browser: Browser) -> Iterator[Page]:
+    """A page of the shared studio that is in command, for the tests of one file; they leave the robot disarmed."""
+    errors: list[str] = []
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.set_default_timeout(WAIT_MS)
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(shared_studio.url)
+    until(page, "robot?.pose")
+    take_over(page)
+    yield page
+    page.close()
+    assert errors == []
 
 
 @pytest.fixture

@@ -5,15 +5,18 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 from omniwheel.dialect import mavlink
 
+_FRAME = 12
+"""Bytes of a MAVLink 2 frame around its payload."""
 GAIN = "ISMC_LAM_XY"
 RATE_HZ = 50
 START_S = 5.0
+NONE: Mapping[str, float] = {}
 
 
 def frames(seconds: float, gain: float = 4.0, rate_hz: float = RATE_HZ) -> Iterator[bytes]:
@@ -41,17 +44,37 @@ def frames(seconds: float, gain: float = 4.0, rate_hz: float = RATE_HZ) -> Itera
             yield round(time_s * 1e6).to_bytes(8, "big") + bytes(message.pack(codec))
 
 
-def write_run(folder: Path, gain: float, seconds: float, began: str = "") -> None:
-    """Write a folder as a drive leaves it."""
+def write_run(
+    folder: Path,
+    gain: float,
+    seconds: float,
+    began: str = "",
+    asked: str = "a sine",
+    numbers: Mapping[str, float] = NONE,
+) -> None:
+    """Write a folder as a drive leaves it; ``numbers`` besides its duration."""
     folder.mkdir(parents=True)
     (folder / "telemetry.tlog").write_bytes(b"".join(frames(seconds, gain)))
     (folder / "parameters.toml").write_text(f"[parameters]\n{GAIN} = {gain}\n")
     document = {
         "kind": "drive",
-        "asked": "a sine",
+        "asked": asked,
         "began": began,
         "end": "done",
         "link": "tcp:127.0.0.1:5760",
-        "numbers": {"duration_s": seconds},
+        "numbers": {"duration_s": seconds, **numbers},
     }
     (folder / "drive.json").write_text(json.dumps(document))
+
+
+def without(log: bytes, begin_s: float, end_s: float) -> bytes:
+    """Return a telemetry log without what came between two times after its first record."""
+    kept, at = bytearray(), 0
+    first_us = int.from_bytes(log[:8], "big")
+    while at < len(log):
+        size = 8 + _FRAME + log[at + 9]
+        time_s = (int.from_bytes(log[at : at + 8], "big") - first_us) / 1e6
+        if not begin_s < time_s < end_s:
+            kept += log[at : at + size]
+        at += size
+    return bytes(kept)

@@ -244,7 +244,8 @@ SPECTRA = """async () => {
   const { showSpectrum } = await import("/page/spectrum.js");
   const answers = [];
   const socket = { ask: () => new Promise((done) => answers.push(done)) };
-  const what = (label) => ({ signals: ["a"], labels: [label], units: ["m"], colours: ["red"], begin: 0, end: 1 });
+  const range = { begin: 0, end: 1 };
+  const what = (label) => ({ signals: ["a"], labels: [label], units: ["m"], looks: [{ stroke: "red" }], ...range });
   const found = [{ key: "a", Hz: [1, 2], amplitude: [1, 2], peak: { Hz: 2, amplitude: 2 }, resolution_Hz: 1 }];
   const both = [showSpectrum(socket, what("first")), showSpectrum(socket, what("second"))];
   answers[1](found);

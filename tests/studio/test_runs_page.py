@@ -45,6 +45,47 @@ def let_pass(page: Page, seconds: float) -> None:
     until(page, f"studio.plots.newest > {page.evaluate('studio.plots.newest') + seconds}")
 
 
+RMSE = {"position_rmse_m": 0.37e-3, "heading_rmse_rad": 0.01, "largest_error_m": 1e-3}
+
+
+def test_errors_in_the_pose_say_what_they_were_measured_by(tmp_path: Path, open_page: Opener) -> None:
+    write_run(tmp_path / "path", 4.0, 2.0, asked="trajectory rose", numbers=RMSE)
+    write_run(tmp_path / "keys", 4.0, 2.0, asked="recorded in the studio", numbers=RMSE)
+    write_run(tmp_path / "recorded", 4.0, 2.0, asked="recorded in the studio, trajectory", numbers=RMSE)
+    write_run(tmp_path / "step", 4.0, 2.0, asked="wheel-step", numbers=RMSE)
+    (tmp_path / "demo").mkdir()
+    (tmp_path / "demo" / "summary.json").write_text(json.dumps(DEMO))
+    with studio("--out", str(tmp_path)) as program:
+        page = open_page(program.url)
+        until(page, "document.querySelectorAll('#run-list tbody tr').length === 5")
+        figures = dict(
+            zip(names(page), page.locator("#run-list tbody tr td:nth-child(5)").all_text_contents(), strict=True)
+        )
+        assert {name for name, text in figures.items() if "RMSE" in text} == {"path", "recorded", "demo"}
+        assert "0.37 mm (robot's own estimate)" in figures["path"]
+        assert "2.28 mm (true pose)" in figures["demo"]
+        page.get_by_label("Open path").click()
+        until(page, "studio.runs.shown.length === 1")
+        page.get_by_label("Compare step").click()
+        until(page, "document.querySelector('#run-compared table')")
+        row = page.locator("#run-compared tr", has_text="position RMSE").locator("td").all_text_contents()
+        assert row == ["position RMSE [mm]", "0.37 (robot's own estimate)", "–"]
+
+
+DEMO = {
+    "scenario": "fast",
+    "seed": 1,
+    "robot": "three_wheel",
+    "duration_s": 10.0,
+    "completed": True,
+    "faults": [],
+    "parameters": {},
+    "rmse": {"position_m": 2.28e-3, "theta_rad": 0.01},
+    "effort": {"peak_wheel_rad_s": 5.0},
+}
+"""What of a simulated run's summary the list reads."""
+
+
 def names(page: Page) -> list[str]:
     return list(page.locator("#run-list tbody tr td:first-child").all_text_contents())
 
@@ -156,7 +197,7 @@ def test_a_recording_is_started_seen_ended_and_opened(tmp_path: Path, open_page:
         until(page, f"{WHOLE}.length > 20")
         program.end()
     document = json.loads((tmp_path / "runs" / "studio" / "drive.json").read_text())
-    assert (document["end"], document["asked"]) == ("done", "recorded in the studio")
+    assert (document["end"], document["asked"]) == ("done", "recorded in the studio"), "it has followed no poses"
     assert document["numbers"]["duration_s"] > 1.0
     assert (tmp_path / "runs" / "studio" / "run.png").is_file()
 

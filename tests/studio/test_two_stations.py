@@ -202,7 +202,7 @@ def test_the_page_says_who_ended_its_drive_and_lets_go_of_the_controls(name: str
         until(page, f"document.getElementById('notice').textContent.includes('{WHO}')")
         until(page, "document.getElementById('cancel').disabled")
         if name == "e-stop":
-            until(page, "!document.getElementById('release').hidden")
+            until(page, "!document.getElementById('release').disabled")
             return
         until(page, "!document.getElementById('arm').disabled")
         if name == "disarm":

@@ -162,5 +162,7 @@ SETPOINTS = frozenset({"velocity", "pose"})
 """What the page repeats: only the newest counts."""
 MOVES = frozenset({"arm", "start_trajectory", "follow_line"})
 """What leads to motion by several commands: a stop or the loss of the page ends it between two of them."""
+ENDS_STREAM = frozenset({"start_trajectory", "follow_line", "stop_trajectory"})
+"""What takes the place of setpoints that were repeated."""
 FOR_EVERY_PAGE = frozenset({"stop_trajectory"})
 """What a page may ask that only watches."""

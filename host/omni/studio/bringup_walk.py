@@ -118,6 +118,12 @@ class BringUp:
         """Whether a walk is under way."""
         return self._future is not None and not self._future.done()
 
+    def forget(self) -> None:
+        """Forget the last walk: another robot comes. Its folder stays."""
+        if not self.running:
+            self._future, self._person, self._results = None, None, []
+            self._trouble = self._folder = ""
+
     def require_idle(self) -> None:
         """Raise BadRequestError while a walk is under way."""
         if self.running:

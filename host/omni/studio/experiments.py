@@ -356,6 +356,11 @@ class Experiments:
         """Return the last one's state; None if there was none."""
         return None if self._last is None else self._last.state()
 
+    def forget(self) -> None:
+        """Forget the last one: another robot comes. Its folder stays."""
+        if not self.running:
+            self._last = None
+
     def require_idle(self) -> None:
         """Raise BadRequestError while one is under way."""
         if self.running:

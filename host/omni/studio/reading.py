@@ -11,12 +11,13 @@ from typing import Any
 
 from omni.studio.bounds import SIGNAL_LIMITS
 from omni.studio.recorded_log import RecordedLog
+from omni.studio.run_figures import comparison_rows, figures
 from omni.studio.samples import SAMPLES_WINDOW, packed
 from omni.studio.signals import require_possible, signals_as_json
 from omni.studio.simulated_log import LOG_SIGNALS, SimulatedLog
 from omni.studio.spectra import spectrum
 from omniwheel.drive_log.folder import BEFORE_FILE, DRIVE_FILE, TLOG_FILE
-from omniwheel.drive_log.listing import RunEntry, cell, compare, different_parameters, find_run, headline, list_runs
+from omniwheel.drive_log.listing import RunEntry, different_parameters, find_run, list_runs
 from omniwheel.errors import LogError
 from omniwheel.logs.run_folder import RECORD_FILE, SUMMARY_FILE
 from omniwheel.parameter_file import format_value
@@ -44,7 +45,7 @@ def comparison(root: Path, one: str, other: str) -> dict[str, Any]:
     first, second = (_entry(root, name) for name in (one, other))
     known = parameter_table()
     return {
-        "numbers": [[title, cell(a), cell(b)] for title, a, b in compare(first, second)],
+        "numbers": comparison_rows(first, second),
         "parameters": [
             [name, *(format_value(known.get(name), value) for value in values)]
             for name, values in different_parameters(first, second).items()
@@ -145,7 +146,7 @@ def _as_json(entry: RunEntry) -> dict[str, Any]:
         "robot": entry.robot,
         "asked": entry.asked,
         "end": entry.end,
-        "figures": ", ".join(headline(entry)),
+        "figures": figures(entry),
         "has_log": _log_in(entry.folder) is not None,
     }
 

@@ -28,6 +28,8 @@ from omniwheel.robots import parameter_table
 from omniwheel.tlog import TlogWriter, wall_clock_us
 
 NAME, ASKED = "studio", "recorded in the studio"
+POSE_MODES = ("pose", "trajectory")
+"""Modes in which the robot follows poses; what it was asked for names them."""
 NOT_ENDED = "still recording, or the studio was killed"
 LARGEST_FOR_FIGURES = 64 << 20
 """Figures and picture need the whole log in memory."""
@@ -49,6 +51,7 @@ class Recording:
         self._stopped = threading.Event()
         self._overflown = False
         self._began = datetime.now(timezone.utc)
+        self._followed: set[str] = set()
         try:
             self._robot = session.record(self._take)
             self._before = dict(self._robot.parameters.known)
@@ -92,6 +95,7 @@ class Recording:
         try:
             while not self._stopped.is_set():
                 self._write()
+                self._note_what_it_follows()
                 if self._session.robot is not self._robot and not self._stopped.is_set():
                     end = "the link was lost"
                     break
@@ -116,7 +120,14 @@ class Recording:
     def _drive(self, end: str, frames: int) -> Drive:
         known = self._robot.parameters.known
         after = {name: known.get(name, value) for name, value in self._before.items()}
-        return Drive(ASKED, self._began, end, self._robot.url, self._before, after, frames)
+        asked = ASKED + "".join(f", {name}" for name in sorted(self._followed))
+        return Drive(asked, self._began, end, self._robot.url, self._before, after, frames)
+
+    def _note_what_it_follows(self) -> None:
+        """Position errors mean something where the robot follows poses; driven by keys, it follows none."""
+        status = self._robot.status
+        if status.armed and status.mode in POSE_MODES:
+            self._followed.add(status.mode)
 
     def _write(self) -> None:
         """Write what has come by now, or wait a moment for something to come."""

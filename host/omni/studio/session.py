@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from omni.studio.edits import Edits
 from omni.studio.error_text import in_words
+from omni.studio.last_stop import LastStop
 from omni.studio.link_quality import LinkQuality
 from omni.studio.marks import Marks
 from omni.studio.samples import SampleStore
@@ -147,6 +148,7 @@ class Session:
         """Those of the robot, as they were asked for."""
         self.rx_bytes_s = 0.0
         self.quality: LinkQuality | None = None
+        self.last_stop = LastStop()
         self.connections = 0
         """How often it has been connected: after a loss, everything may be another robot's."""
         self.drive_ended = ""
@@ -187,6 +189,10 @@ class Session:
         It ends by a :class:`WorkEndedError` wherever it waits for the robot, once. Cleaning up can wait as usual.
         """
         return self.do(lambda robot: self._do_long(robot, work))
+
+    def come_to_rest(self) -> None:
+        """End a stream of setpoints whose page repeats them no more: without this, the robot ends it by a failsafe."""
+        self.do_long(Robot.stop)
 
     def stop_now(self) -> bool:
         """Send an emergency stop before anything else that waits; return whether there is a robot to hear it now.
@@ -262,6 +268,7 @@ class Session:
             robot.require_same_parameters()
             robot.connection.add_listener(self._take)
             robot.connection.on_other_robot = self._say_other
+            self.last_stop = LastStop()
             robot.parameters.download()
             self.edits = Edits(robot.parameters)
             self._keep_history(robot)
@@ -299,6 +306,7 @@ class Session:
 
     def _watch_drive(self, robot: Robot) -> None:
         """Note why the drive that was begun here is over; setpoints are refused then."""
+        self.last_stop.update(robot.status)
         try:
             robot.guard.check()
         except StoppedError as error:
@@ -364,6 +372,7 @@ class Session:
                     self._keep(telemetry)
         text = decode(StatusText, message)
         if text is not None:
+            self.last_stop.take(text)
             with self.lock:
                 self.text_count += 1
                 self.texts.append((self.text_count, text))

@@ -11,7 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from omni.studio.actions import ACTIONS, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
+from omni.studio.actions import ACTIONS, ENDS_STREAM, FOR_EVERY_PAGE, MOVES, SETPOINTS, BadRequestError
 from omni.studio.bringup_walk import BringUp
 from omni.studio.bringup_walk import catalogue as bring_up_catalogue
 from omni.studio.experiments import Experiments, catalogue
@@ -47,6 +47,8 @@ from omniwheel.robot import Robot
 from omniwheel.sensor_quality import SENSORS, Sensor
 
 HISTORY_WIDTH = 2000
+_STREAMED_S = 1.0
+"""A page repeats its setpoints far more often; the robot takes them for lost after SAFE_CMD_TO."""
 
 
 class Page:
@@ -94,6 +96,8 @@ class Studio:
         self.pages: list[Page] = []
         self.commanding: Page | None = None
         self._numbers = itertools.count(1)
+        self._setpoint_s = float("-inf")
+        """When a page sent the last setpoint of a stream that may still go on, on the monotonic clock."""
 
     # ---- pages
 
@@ -114,9 +118,12 @@ class Studio:
                 self.session.page_heard_s = float("-inf")
 
     def take_over(self, page: Page) -> None:
-        """Let this page command."""
+        """Let this page command. A robot that another page drives by setpoints comes to rest; a path goes on."""
+        interrupts = self.commanding is not page and time.monotonic() - self._setpoint_s < _STREAMED_S
         self.commanding = page
         self.heard(page)
+        if interrupts and self.session is not None:
+            self.session.come_to_rest()
 
     def heard(self, page: Page) -> None:
         """Note that this page lives."""
@@ -137,6 +144,8 @@ class Studio:
         self._begin(url, system_id)
 
     def _begin(self, url: str, system_id: int | None = None) -> None:
+        self.experiments.forget()
+        self.bring_up.forget()
         simulated = self.simulated
         slowness = (lambda: 1.0) if simulated is None else (lambda: simulated.slowness)
         self.session = Session(url, slowness, system_id)
@@ -252,6 +261,10 @@ class Studio:
         session = self.require_session()
         self.experiments.require_idle()
         self.bring_up.require_idle()
+        if action in SETPOINTS:
+            self._setpoint_s = time.monotonic()
+        elif action in ENDS_STREAM:
+            self._setpoint_s = float("-inf")
         if "step" in request:  # each page numbers its own
             request = {**request, "step": (page.name, request["step"])}
         if action in MOVES:
@@ -339,7 +352,11 @@ class Studio:
         if state != page.state:
             page.state = found["state"] = state
         robot = None if session is None else session.robot  # once: its own thread lets go of it
+        if page.heard is not session:
+            page.heard, page.text_count = session, 0
+            found["forget"] = True  # what is of the robot before
         if session is None:
+            page.session = None
             return found
         texts = self._new_texts(page, session)
         if texts:
@@ -371,8 +388,6 @@ class Studio:
 
     def _new_texts(self, page: Page, session: Session) -> list[dict[str, Any]]:
         """Return what the robot has said, also while it is being connected: why it restarted, for one."""
-        if page.heard is not session:
-            page.heard, page.text_count = session, 0
         with session.lock:
             texts = [text for number, text in session.texts if number > page.text_count]
             page.text_count = session.text_count
@@ -419,6 +434,7 @@ class Studio:
             "experiment": self.experiments.state(),
             "robot": None if session is None or robot is None else robot_state(robot, session.sensors),
             "drive_ended": "" if session is None else session.drive_ended,
+            "last_stop": None if session is None else session.last_stop.as_json(),
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
             "bring_up": self.bring_up.state(),

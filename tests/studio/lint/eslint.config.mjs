@@ -5,9 +5,10 @@ import js from "@eslint/js";
 
 // What the page takes from the browser. A whole browser's list would let pass `name`, `event` or `status` by mistake.
 const BROWSER = [
-  "addEventListener", "Blob", "clearInterval", "clearTimeout", "devicePixelRatio", "document", "Element", "fetch",
-  "getComputedStyle", "innerWidth", "localStorage", "location", "matchMedia", "navigator", "Option", "performance",
-  "requestAnimationFrame", "ResizeObserver", "setInterval", "setTimeout", "URL", "URLSearchParams", "WebSocket", "window",
+  "addEventListener", "Blob", "clearInterval", "clearTimeout", "devicePixelRatio", "document", "Element", "Event",
+  "fetch", "getComputedStyle", "innerWidth", "localStorage", "location", "matchMedia", "navigator", "Option",
+  "performance", "requestAnimationFrame", "ResizeObserver", "setInterval", "setTimeout", "URL", "URLSearchParams",
+  "WebSocket", "window",
 ];
 
 export default [

@@ -2,6 +2,9 @@
 // Samples of the signals that are shown, oldest first, in memory that does not grow with the hours.
 
 const MOST = 65536;
+const GAP_S = 0.3; // a pause in a slow link's telemetry is shorter ...
+const GAP_STEPS = 6; // ... or usual for it; of thinned samples, some are further apart than most
+const LOOKED_AT = 64;
 
 export class Buffer {
   time = new Float64Array(1024);
@@ -52,6 +55,36 @@ function lower(times, count, wanted) {
     else high = middle;
   }
   return low;
+}
+
+/** Samples with a null in the middle of each gap of the telemetry: no line is to be drawn across. */
+export function with_gap({ time, value }) {
+  const longest = Math.max(GAP_S, GAP_STEPS * usual_step(time));
+  const gaps = [];
+  for (let i = 1; i < time.length; i++) if (time[i] - time[i - 1] > longest) gaps.push(i);
+  if (gaps.length === 0) return { time, value };
+  const found = { time: [], value: [] };
+  let from = 0;
+  for (const gap of [...gaps, time.length]) {
+    for (let i = from; i < gap; i++) {
+      found.time.push(time[i]);
+      found.value.push(value[i]);
+    }
+    if (gap < time.length) {
+      found.time.push((time[gap - 1] + time[gap]) / 2);
+      found.value.push(null);
+    }
+    from = gap;
+  }
+  return found;
+}
+
+/** The median of some steps between samples [s]. */
+function usual_step(time) {
+  const every = Math.max(1, Math.floor(time.length / LOOKED_AT));
+  const steps = [];
+  for (let i = 1; i < time.length; i += every) steps.push(time[i] - time[i - 1]);
+  return steps.sort((one, other) => one - other)[steps.length >> 1] ?? 0;
 }
 
 /** One time axis for several signals: [time, value, value ...], undefined where a signal has no sample. */

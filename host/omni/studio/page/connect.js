@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The dialog in which a robot is chosen: a simulated one, a port, an address.
 
+import { all_numbers, number_in } from "./numbers.js";
 import { id, in_words, put } from "./words.js";
 
 export class Chooser {
@@ -24,13 +25,12 @@ export class Chooser {
     id("processor").onchange = () => this.#processor();
     id("port-form").onsubmit = (event) => {
       event.preventDefault();
-      this.#try("connect", { url: id("url").value.trim(), system: this.#system() });
+      this.#connect(id("url").value.trim());
     };
   }
 
-  /** The system id that was typed, null without one. */
-  #system() {
-    return id("system").value === "" ? null : id("system").valueAsNumber;
+  #connect(url) {
+    if (all_numbers(id("system"))) this.#try("connect", { url, system: number_in(id("system")) });
   }
 
   async open() {
@@ -60,7 +60,7 @@ export class Chooser {
       const button = document.createElement("button");
       button.type = "button";
       button.textContent = `${url}${what ? ` (${what})` : ""}`;
-      button.onclick = () => this.#try("connect", { url, system: this.#system() });
+      button.onclick = () => this.#connect(url);
       return button;
     }));
     if (choices.ports.length === 0) id("ports").textContent = "No serial port found.";

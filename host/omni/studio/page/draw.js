@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: MIT
 // A path drawn on the map: what the robot would follow is asked of the server, and shown before it is driven.
 
+import { all_numbers, number_in } from "./numbers.js";
 import { id, put } from "./words.js";
 
 export class DrawnPath {
-  /** @param armed function: whether the robot is armed; it says so if not */
-  constructor(map, ask, armed) {
+  /** on: {armed, whether the robot may move; it says why not; begin(action, content), to follow a path} */
+  constructor(map, ask, { armed, begin }) {
     this.map = map;
     this.ask = ask; // (action, content) => result, undefined if it was refused; the refusal is shown
     id("draw").onclick = () => this.#draw(!map.drawing);
     id("follow-line").onclick = () => {
-      if (!armed()) return;
-      map.cancel();
-      this.ask("follow_line", this.#request());
+      if (!armed() || !this.#numbers()) return;
+      begin("follow_line", this.#request());
     };
     id("forget-line").onclick = () => this.#forget();
     for (const name of ["draw-speed", "draw-heading", "laps"]) {
@@ -32,17 +32,21 @@ export class DrawnPath {
     if (on) put("draw-text", "press on the map and draw");
   }
 
+  #numbers() { return all_numbers(id("draw-speed"), id("laps")); }
+
   #request() {
     return {
       line: this.map.line,
-      speed: Number(id("draw-speed").value),
-      laps: Number(id("laps").value),
+      speed: number_in(id("draw-speed")),
+      laps: number_in(id("laps")),
       heading: id("draw-heading").value === "keep" ? this.map.heading : null,
     };
   }
 
   async #preview() {
     if (this.map.line.length < 2) return;
+    id("follow-line").disabled = true; // until what it would do is known
+    if (!this.#numbers()) return;
     const found = await this.ask("preview_path", this.#request());
     if (this.map.line.length < 2) return; // it was forgotten meanwhile
     this.map.planned(found?.line ?? []);

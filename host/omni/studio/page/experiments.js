@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // Experiments: choose one, see what it will use, start it, see its result. All names and words come from the server.
 
+import { all_numbers, number_field, number_in } from "./numbers.js";
 import { id, in_words, put, show_lines } from "./words.js";
 
 const shown = (number) => (number === null ? "–" : String(Number(number.toPrecision(4))));
@@ -11,7 +12,7 @@ export class Experiments {
   #looked = false; // what will be done has been said, and nothing was changed since
   #running = false;
   #ready = false;
-  #last = "";
+  #last = "null";
 
   constructor(socket) {
     this.socket = socket;
@@ -48,10 +49,10 @@ export class Experiments {
       field.append(...options.map(([, words], place) => new Option(words, place)));
       this.#fields.set(key, () => options[Number(field.value)][0]);
     } else {
-      Object.assign(field, { type: "number", min: min ?? "", max: max ?? "", step: "any", required: usual !== null });
+      number_field(field, { min, max, optional: usual === null });
       field.value = usual ?? "";
       if (usual === null) field.placeholder = "default";
-      this.#fields.set(key, () => (field.value === "" ? null : Number(field.value)));
+      this.#fields.set(key, () => number_in(field));
     }
     return made;
   }
@@ -62,7 +63,7 @@ export class Experiments {
   }
 
   async #look() {
-    if (!id("experiment-form").reportValidity()) return;
+    if (!all_numbers(...id("experiment-choices").querySelectorAll("input"))) return;
     try {
       put("experiment-needs", `It ${await this.socket.ask("experiment", this.#wanted())}.`);
       put("experiment-text", "");
@@ -96,8 +97,13 @@ export class Experiments {
     this.#running = run?.running ?? false;
     this.#buttons();
     const told = JSON.stringify(run);
-    if (!run || told === this.#last) return;
+    if (!now || told === this.#last) return;
     this.#last = told;
+    if (!run) {
+      for (const name of ["needs", "text", "seconds"]) put(`experiment-${name}`, "");
+      id("experiment-result").hidden = true;
+      return;
+    }
     put("experiment-needs", run.needs && `It ${run.needs}.`);
     put("experiment-seconds", run.running ? `${run.seconds} s` : "");
     const ended = run.trouble ? `${run.name} ended: ${run.trouble}` : `${run.name} is done: ${run.folder}`;

@@ -9,11 +9,13 @@ import { Flasher } from "./flasher.js";
 import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
+import { all_numbers, number_in, watch_numbers } from "./numbers.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
 import { Runs } from "./runs.js";
 import { Simulator } from "./simulator.js";
 import { Socket } from "./socket.js";
+import { obstacle, show_stop } from "./stopped.js";
 import { HeldVelocity } from "./velocity.js";
 import { id, in_words, put, show_lines } from "./words.js";
 
@@ -21,6 +23,7 @@ const TEXTS_KEPT = 100;
 const LOSSY = 0.05; // a share of frames lost that makes plots and commands worse
 const OFF_PACE = 0.1; // a robot whose clock is off by this share lives in a simulation that is not in real time
 const WARNING = 4; // severity as in syslog
+const MINE = "this page"; // what the server says to the page that commands
 let state = null;
 let unfinished = 0; // requests that a lost server has not answered
 
@@ -55,21 +58,23 @@ const chooser = new Chooser(socket, flasher, say);
 const map = new FloorMap(id("map"), socket, {
   target: (pose) => { fill_target(pose); start_going(); },
   arrived: () => { id("map-text").textContent = "arrived; holding the pose"; },
-  refused: say,
+  refused: (words) => { say(words); hold(); },
   drawn: () => drawn.drawn(),
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
-const drawn = new DrawnPath(map, ask, armed);
+const drawn = new DrawnPath(map, ask, { armed, begin: begin_path });
 const experiments = new Experiments(socket);
 const bring_up = new BringUp(socket);
 const simulator = new Simulator(id("simulator"), ask);
-const velocity = new HeldVelocity(socket, { refused: say, moving: (words) => put("key-text", words) });
+const velocity = new HeldVelocity(socket, {
+  refused: say, begins: () => map.cancel(), moving: (words) => put("key-text", words) });
 const keys = new Keys(velocity);
 const gamepad = new Gamepad(velocity, { stop, found: (words) => put("gamepad-text", words) });
 
 // ---- what the server says
 
 function news(message) {
+  if (message.forget) forget_robot();
   if (message.tables) tables(message.tables);
   if (message.parameters) parameters.values(message.parameters);
   if (message.marks) plots.marks(message.marks);
@@ -99,6 +104,13 @@ function tables({ again, signals, view, wheels, radius_m, speed, paths, path, ..
   if (paths.includes(path)) id("path").value = path;
 }
 
+/** What is shown of the robot before this one, or of none. Its plots stay until the next one: they may be saved. */
+function forget_robot() {
+  id("texts").replaceChildren();
+  parameters.tables([]);
+  map.clear();
+}
+
 function add_text({ severity, text }) {
   const item = document.createElement("li");
   item.textContent = text;
@@ -112,8 +124,9 @@ function show_state(now) {
   const ended = now?.drive_ended ?? "";
   if (ended && ended !== state?.drive_ended) {
     release_controls();
-    say(ended);
+    if (now.robot?.state !== "failsafe") say(ended); // then the reason of the stop stands above
   }
+  if (state?.commands === MINE && now && now.commands !== MINE) release_controls();
   state = now;
   runs.recording(now?.recording, now?.link.phase === "connected");
   const robot = now?.robot ?? null;
@@ -133,10 +146,21 @@ function show_state(now) {
   const trouble = link.phase === "connected" ? "" : link.trouble ?? "";
   put("faults", robot?.faults.length ? `Faults: ${robot.faults.join(", ")}` : trouble);
   id("welcome").hidden = !now || link.phase !== "none";
-  id("take-over").hidden = !now || now.commands === "this page";
-  id("release").hidden = robot?.state !== "estop";
-  id("arm").disabled = !robot || (robot.armed && !ended) || link.phase !== "connected"; // armed and held: arm again
-  id("disarm").disabled = !robot;
+  id("take-over").hidden = !now || now.commands === MINE;
+  const unheard = robot && link.phase === "connected" ? "" : "No robot is connected.";
+  const drives = robot?.armed && !ended ? "The robot is armed." : ""; // armed and held: arm again
+  const stopped = ["failsafe", "estop"].includes(robot?.state) ? obstacle(robot) : "";
+  disable("arm", unheard || drives || stopped);
+  disable("disarm", robot ? "" : "No robot is connected.");
+  disable("release", robot?.state === "estop" ? "" : "No emergency stop is on.");
+  const watching = watches_only(now);
+  put("watching", watching && robot ? watching : "");
+  for (const group of document.querySelectorAll("fieldset.commands")) {
+    group.disabled = watching !== "";
+    group.title = watching;
+  }
+  id("map").classList.toggle("watching", watching !== "");
+  show_stop(now, watching);
   for (const name of ["undo", "redo"]) {
     id(name).disabled = !now?.[name];
     put(name, `${name[0].toUpperCase()}${name.slice(1)}${now?.[name] ? ` (${now[name]})` : ""}`);
@@ -193,6 +217,12 @@ function fixes_in_words(counts, why, radio) {
 const degrees = (angle) => Math.round((angle * 180) / Math.PI);
 
 // ---- what the person does
+
+watch_numbers();
+new ResizeObserver(() => { // on a phone, its buttons stay in sight
+  const actions = document.querySelector("header .actions");
+  document.documentElement.style.setProperty("--above-actions", `${actions.offsetTop - 4}px`);
+}).observe(id("facts"));
 
 /** Nothing that is held or repeated moves the robot from here on. */
 function release_controls() {
@@ -262,7 +292,7 @@ plots.on_measure = (seconds, lines) => {
 id("add-plot").onclick = () => plots.add();
 id("add-xy").onclick = () => plots.addXY();
 plots.on_view = (view) => { // kept with the robot by the page that commands; others keep it in the browser
-  if (state?.robot && state.commands === "this page") ask("save_view", { view });
+  if (state?.robot && state.commands === MINE) ask("save_view", { view });
 };
 id("csv").onclick = () => plots.csv();
 id("follow").onchange = (event) => { map.follow = event.target.checked; };
@@ -271,9 +301,8 @@ id("keys").onchange = (event) => { keys.enabled = event.target.checked; keys.sto
 id("gamepad").onchange = (event) => gamepad.enable(event.target.checked);
 id("key-speed").oninput = (event) => { velocity.share = Number(event.target.value) / 100; };
 id("start-path").onclick = () => {
-  if (!armed()) return;
-  map.cancel();
-  ask("start_trajectory", { type: id("path").value, laps: Number(id("laps").value) });
+  if (!armed() || !all_numbers(id("laps"))) return;
+  begin_path("start_trajectory", { type: id("path").value, laps: number_in(id("laps")) });
 };
 id("stop-path").onclick = () => ask("stop_trajectory");
 id("cancel").onclick = () => { map.cancel(); ask("velocity", { vx: 0, vy: 0, wz: 0 }); };
@@ -285,19 +314,44 @@ function fill_target({ x, y, theta }) {
   id("target-theta").value = degrees(theta);
 }
 
+/** Whether this page may move the robot now; if not, it says what to do first. */
 function armed() {
-  if (state?.robot?.armed) return true;
-  say(state?.robot ? "The robot is not armed: press Arm first." : "No robot is connected: press Connect first.");
-  return false;
+  const trouble = state?.robot ? watches_only(state) || obstacle(state.robot)
+    : "No robot is connected: press Connect first.";
+  if (trouble) say(trouble);
+  return !trouble;
+}
+
+/** Why this page does not command; "": it does. */
+function watches_only(now) {
+  if (!now || now.commands === MINE) return "";
+  const who = now.commands === "no page" ? "No page is in command" : `Another page (${now.commands}) is in command`;
+  return `${who}: press Take over to command from here.`;
+}
+
+function disable(name, reason) {
+  id(name).disabled = reason !== "";
+  id(name).title = reason;
+}
+
+/** End a stream of setpoints at rest: without this, the robot ends it by a failsafe. */
+function hold() {
+  if (state?.robot?.armed && !watches_only(state)) socket.ask("stop_trajectory").catch(() => {});
+}
+
+async function begin_path(action, content) {
+  const streams = map.going || velocity.held;
+  release_controls();
+  if (await ask(action, content) === undefined && streams) hold();
 }
 
 function start_going() {
-  if (!armed()) return;
+  if (!armed() || !all_numbers(id("target-x"), id("target-y"), id("target-theta"))) return;
   say("");
   map.go({
-    x: Number(id("target-x").value),
-    y: Number(id("target-y").value),
-    theta: (Number(id("target-theta").value) * Math.PI) / 180,
+    x: number_in(id("target-x")),
+    y: number_in(id("target-y")),
+    theta: (number_in(id("target-theta")) * Math.PI) / 180,
   });
 }
 

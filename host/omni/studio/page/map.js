@@ -30,13 +30,14 @@ export class FloorMap {
   #fixes = new Fixes();
   #drawn_at = 0;
   #stale = true;
+  #drawing = false;
+  #drew = false; // the finger that is down, or was last
 
   constructor(canvas, socket, on) {
     this.canvas = canvas;
     this.socket = socket;
     this.on = on; // {target(pose), drawn(line), arrived(), refused(text), going(bool)}
     this.follow = true;
-    this.drawing = false; // the mouse draws a path instead of setting a target
     canvas.addEventListener("wheel", (event) => {
       event.preventDefault();
       this.#metres = Math.min(50, Math.max(0.2, this.#metres * (event.deltaY > 0 ? 1.2 : 1 / 1.2)));
@@ -44,6 +45,8 @@ export class FloorMap {
     }, { passive: false });
     canvas.addEventListener("pointerdown", (event) => {
       if (event.button !== 0 || !event.isPrimary) return; // a right click or a second finger moves no robot
+      this.#drew = this.drawing;
+      if (event.pointerType === "touch" && !this.drawing) return; // it may begin to scroll the page: see "click"
       const [x, y] = this.#floor(event);
       canvas.setPointerCapture(event.pointerId);
       if (this.drawing) this.#draw_from(x, y);
@@ -65,10 +68,23 @@ export class FloorMap {
       if (drag) this.on.target(drag);
       else if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
     });
+    canvas.addEventListener("click", (event) => { // a finger's tap: neither a swipe nor what ends a scroll is one
+      if (event.pointerType !== "touch" || this.#drew) return;
+      const [x, y] = this.#floor(event);
+      this.on.target({ x, y, theta: this.heading });
+    });
     canvas.addEventListener("pointercancel", () => { this.#drag = null; }); // the browser took it for something else
     new ResizeObserver(() => { this.#stale = true; }).observe(canvas);
     const draw = () => { this.#draw(); requestAnimationFrame(draw); };
     requestAnimationFrame(draw);
+  }
+
+  /** Whether a mouse or a finger draws a path instead of setting a target. */
+  get drawing() { return this.#drawing; }
+
+  set drawing(on) {
+    this.#drawing = on;
+    this.canvas.classList.toggle("drawing", on); // then a swipe does not scroll the page
   }
 
   get going() { return this.#timer !== null; }
@@ -76,6 +92,7 @@ export class FloorMap {
   get heading() { return this.#state?.pose?.[2] ?? 0; }
 
   state(robot) {
+    if (!robot && this.#trail.at(-1)) this.#trail.push(null); // what it drives unheard is not known
     this.#state = robot;
     const pose = robot?.pose;
     if (pose) {
@@ -231,7 +248,7 @@ export class FloorMap {
   #line(c, points, colour, dash) {
     c.strokeStyle = colour;
     c.setLineDash(dash);
-    stroke(c, points.map((point) => this.#pixel(point)));
+    stroke(c, points.map((point) => point && this.#pixel(point)));
   }
 
   #robot(c, pose, colour, dash) {
@@ -293,6 +310,10 @@ function close([x, y, theta], target) {
 
 function stroke(c, points) {
   c.beginPath();
-  for (const [n, [x, y]] of points.entries()) (n === 0 ? c.moveTo(x, y) : c.lineTo(x, y));
+  let pen = "moveTo";
+  for (const point of points) { // null: a gap
+    if (point) c[pen](...point);
+    pen = point ? "lineTo" : "moveTo";
+  }
   c.stroke();
 }

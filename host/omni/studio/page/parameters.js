@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: MIT
 // The list of parameters: search, field, slider, marks for what was changed, and a refusal beside its field.
 
+import { number_field, parse_number } from "./numbers.js";
 import { in_words } from "./words.js";
 
 const SLIDER_STEPS = 1000;
@@ -106,12 +107,11 @@ export class ParameterList {
       const values = info.kind === "bool" ? { off: 0, on: 1 } : info.values;
       for (const [name, number] of Object.entries(values)) field.add(new Option(name, number));
     } else {
-      field = document.createElement("input");
-      field.type = "number";
-      field.step = info.kind === "int" ? 1 : "any";
+      field = number_field(document.createElement("input"), { whole: info.kind === "int" });
+      field.dataset.ownProblem = "";
     }
     field.id = `field-${info.name}`;
-    field.addEventListener("change", () => this.#set(entry, Number(field.value), ++this.#step, field.value === ""));
+    field.addEventListener("change", () => this.#enter(entry));
     field.addEventListener("blur", () => this.#show(entry)); // what was refused, or only half typed, goes
     return field;
   }
@@ -139,11 +139,14 @@ export class ParameterList {
     return slider;
   }
 
-  async #set(entry, value, step, empty = false) {
-    if (empty) {
-      this.#show(entry);
-      return;
-    }
+  /** What was typed is set on the robot, or refused beside the field. */
+  #enter(entry) {
+    const { value, problem } = parse_number(entry.field.value, { whole: entry.info.kind === "int" });
+    if (problem) entry.refusal.textContent = `${problem} The robot keeps ${entry.value}.`;
+    else this.#set(entry, value, ++this.#step);
+  }
+
+  async #set(entry, value, step) {
     try {
       await this.socket.ask("set", { values: { [entry.info.name]: value }, step });
       entry.refusal.textContent = "";

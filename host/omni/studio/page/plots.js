@@ -2,7 +2,8 @@
 // Plots over one common time axis. Live, they show the newest seconds; paused, what the mouse has chosen.
 
 import uPlot from "../vendor/uPlot.esm.js";
-import { aligned, Buffer } from "./buffers.js";
+import { aligned, Buffer, with_gap } from "./buffers.js";
+import { look, y_range } from "./curves.js";
 import { measured } from "./measure.js";
 import { chooseSignals } from "./signals.js";
 import { MORE, PART } from "./socket.js";
@@ -10,15 +11,12 @@ import { showSpectrum } from "./spectrum.js";
 import { axis_style, in_words } from "./words.js";
 import { axisFields, XYPlot } from "./xy.js";
 
-// Okabe and Ito's colours, which colour-blind people tell apart; dashes repeat the difference.
-const COLOURS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b88a00", "#56b4e9"];
-const DASHES = [[], [8, 4], [2, 3], [10, 3, 2, 3], [5, 5], [14, 4]];
 const NEAR_PX = 8;
 const HEIGHT_PX = 190;
 const STORED = "omniwheel-plots";
 const NUMBERS = 0x10000;
-const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], info: () => undefined,
-  limit: () => undefined };
+const LIVE = { stored: STORED, what: "plot", file: "omniwheel", series: (key) => [key], logs: () => 1,
+  info: () => undefined, limit: () => undefined };
 const FIRST_VIEW = [
   ["tracking.pose.x", "tracking.pose.y", "tracking.reference.x", "tracking.reference.y"],
   ["wheels.speed.1", "wheels.reference.1"],
@@ -42,7 +40,7 @@ export class Plots {
 
   /**
    * options: where the view is stored, what a plot is called, the saved file's name; series and info of a key; limit,
-   * the value of a limit by its name, undefined if it is not known.
+   * the value of a limit by its name, undefined if it is not known; logs, how many are shown over each other.
    */
   constructor(root, socket, say, options = {}) {
     this.options = { ...LIVE, ...options };
@@ -264,7 +262,7 @@ export class Plots {
     const { begin, end } = this.#view();
     for (const panel of this.#panels) {
       if (panel.plot === null) continue;
-      panel.plot.setData(aligned(this.#series(panel).map((key) => this.#piece(key, begin, end))));
+      panel.plot.setData(aligned(this.#series(panel).map((key) => with_gap(this.#piece(key, begin, end)))));
     }
     this.drawn.frames += 1;
     this.drawn.newest = this.#now;
@@ -293,16 +291,15 @@ export class Plots {
       width: this.root.clientWidth || 600,
       height: HEIGHT_PX,
       cursor: { sync: { key: this.options.stored }, drag: { x: true, y: false, setScale: false } },
-      scales: { x: { time: false, range: () => { const { begin, end } = this.#view(); return [begin, end]; } } },
+      scales: { x: { time: false, range: () => { const { begin, end } = this.#view(); return [begin, end]; } },
+        y: { range: y_range } },
       axes: [{ ...axis, label: "time [s]", labelSize: 16, size: 34 }, { ...axis, label: units.join(", "), size: 62 }],
       series: [{ label: "time [s]", value: (_, t) => (t == null ? "–" : t.toFixed(3)) },
         ...keys.map((key, n) => ({
           label: this.#info(key)?.label ?? key,
-          stroke: COLOURS[n % COLOURS.length],
-          dash: DASHES[Math.floor(n / COLOURS.length) % DASHES.length].length
-            ? DASHES[Math.floor(n / COLOURS.length) % DASHES.length] : DASHES[n % DASHES.length],
+          ...look(n, this.options.logs()),
           width: 1, // without a graphics processor, a wider line takes twice as long to draw
-          spanGaps: true,
+          spanGaps: false, // a null, as with_gap makes it; a time without a sample of this signal is no gap
           points: { show: false },
           value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(5))} ${this.#info(key)?.unit ?? ""}`),
         }))],
@@ -325,7 +322,7 @@ export class Plots {
     panel.plot = new XYPlot(panel.root, this.root.clientWidth || 600, {
       labels: [with_unit(x), with_unit(y)],
       names: keys.slice(count).map((key) => this.#words_of(key).label),
-      colours: keys.slice(count).map((_, n) => COLOURS[n % COLOURS.length]),
+      colours: keys.slice(count).map((_, n) => look(n, count).stroke),
       alike: x.unit === y.unit,
     });
   }
@@ -350,7 +347,9 @@ export class Plots {
       panel.keys = keys;
       this.#changed();
     }) : [button("Signals …", `Signals of ${this.options.what}`, async () => {
-      panel.keys = await chooseSignals(this.#choice(panel.keys), panel.keys);
+      const keys = await chooseSignals(this.#choice(panel.keys), panel.keys);
+      if (keys === null) return;
+      panel.keys = keys;
       this.#changed();
     })];
     head.append(
@@ -428,7 +427,7 @@ export class Plots {
       signals,
       labels: words.map(({ label }) => label),
       units: words.map(({ unit }) => unit),
-      colours: signals.map((_, n) => COLOURS[n % COLOURS.length]),
+      looks: signals.map((_, n) => look(n, this.options.logs())),
       ...this.#view(),
     });
   }

@@ -27,6 +27,7 @@ export class Runs {
       limit: (name) => this.#limit(name),
       series: (key) => this.#open.map((_, n) => `${n}${BETWEEN}${key}`),
       info: (key) => this.#info(key),
+      logs: () => this.#open.length,
     });
     this.plots.on_pause = (paused) => { id("run-whole").disabled = !paused; };
     this.plots.on_mark = (words) => { put("run-mark-text", words); };
@@ -58,7 +59,6 @@ export class Runs {
     const words = now?.on ? `on: ${now.folder}` : now?.trouble ? `off: ${now.trouble}` : "off";
     put("fact-recording", words);
     id("fact-recording").className = now?.on ? "on" : now?.trouble ? "bad" : "";
-    id("record").textContent = now?.on ? "End recording" : "Record";
     id("record").setAttribute("aria-pressed", Boolean(now?.on));
     id("record").disabled = !now?.on && !connected;
     if (changed) this.refresh();

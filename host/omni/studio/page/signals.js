@@ -5,7 +5,7 @@ import { id, put } from "./words.js";
 
 const MOST = 12;
 
-/** Show the list; resolves with the chosen keys once the dialog is closed. */
+/** Show the list; resolves with the chosen keys, new ones last, or null if the dialog is left by Escape. */
 export function chooseSignals(signals, chosen) {
   const dialog = id("signal-dialog");
   const list = id("signal-list");
@@ -24,9 +24,10 @@ export function chooseSignals(signals, chosen) {
   show();
   dialog.showModal();
   search.focus();
-  id("close-signals").onclick = () => dialog.close();
+  dialog.returnValue = "";
+  id("close-signals").onclick = () => dialog.close("done");
   return new Promise((done) => {
-    dialog.onclose = () => done(signals.map(({ key }) => key).filter((key) => wanted.has(key)));
+    dialog.onclose = () => done(dialog.returnValue === "done" ? [...wanted] : null);
   });
 }
 

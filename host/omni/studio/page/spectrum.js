@@ -15,7 +15,7 @@ function forget() {
 }
 
 /** Show the spectra of these signals between two times, in a window of its own. */
-export async function showSpectrum(socket, { signals, labels, units, colours, begin, end }) {
+export async function showSpectrum(socket, { signals, labels, units, looks, begin, end }) {
   const dialog = id("spectrum-dialog");
   forget();
   const mine = shown = { plot: null };
@@ -47,7 +47,7 @@ export async function showSpectrum(socket, { signals, labels, units, colours, be
       { ...axis, label: `amplitude ${[...new Set(units)].join(", ")}`, size: 62 }],
     series: [{ label: "frequency [Hz]", value: (_, f) => (f == null ? "–" : f.toFixed(3)) },
       ...places.map((n) => ({
-        label: labels[n], stroke: colours[n], width: 1.5, spanGaps: true, points: { show: false },
+        label: labels[n], ...looks[n], width: 1.5, spanGaps: true, points: { show: false },
         value: (_, v) => (v == null ? "–" : `${Number(v.toPrecision(4))} ${units[n]}`),
       }))],
   }, uPlot.join(data), id("spectrum-plot"));

@@ -14,7 +14,7 @@ export class HeldVelocity {
 
   constructor(socket, on) {
     this.socket = socket;
-    this.on = on; // {refused(text), moving(text)}
+    this.on = on; // {refused(text), begins(), moving(text)}
   }
 
   get held() { return this.#timer !== null; }
@@ -23,6 +23,7 @@ export class HeldVelocity {
   hold(direction) {
     this.#direction = direction;
     if (this.held || this.#refused) return;
+    this.on.begins();
     this.#timer = setInterval(() => this.#send(), SEND_MS);
     this.#send();
   }

@@ -15,6 +15,7 @@ function ranges(points, width, height, alike) {
   for (const { x, y } of points) {
     for (const [axis, values] of [x, y].entries()) {
       for (const value of values) {
+        if (value === null) continue;
         ends[axis][0] = Math.min(ends[axis][0], value);
         ends[axis][1] = Math.max(ends[axis][1], value);
       }
@@ -30,11 +31,19 @@ function ranges(points, width, height, alike) {
   return middle.map((centre, axis) => [centre - half[axis], centre + half[axis]]);
 }
 
-/** Points of two columns over the same times: where one has no sample, its last one holds. */
+/** Points of two columns over the same times: its last sample holds where one has none; null at a gap. */
 export function paired(x, y) {
   const found = { x: [], y: [] };
   let [last_x, last_y] = [null, null];
   for (let i = 0; i < x.length; i++) {
+    if (x[i] === null || y[i] === null) {
+      if (last_x !== null && last_y !== null) {
+        found.x.push(null);
+        found.y.push(null);
+      }
+      [last_x, last_y] = [null, null];
+      continue;
+    }
     last_x = x[i] ?? last_x;
     last_y = y[i] ?? last_y;
     if (last_x === null || last_y === null) continue;
@@ -96,11 +105,13 @@ export class XYPlot {
     ctx.strokeStyle = colour;
     ctx.lineWidth = 1.5 * devicePixelRatio;
     ctx.beginPath();
+    let pen = "moveTo";
     for (let i = 0; i < xs.length; i++) {
-      ctx.lineTo(plot.valToPos(xs[i], "x", true), plot.valToPos(ys[i], "y", true));
+      if (xs[i] !== null) ctx[pen](plot.valToPos(xs[i], "x", true), plot.valToPos(ys[i], "y", true));
+      pen = xs[i] === null ? "moveTo" : "lineTo";
     }
     ctx.stroke();
-    if (xs.length) { // where it is now
+    if (xs.length && xs.at(-1) !== null) { // where it is now
       ctx.fillStyle = colour;
       ctx.beginPath();
       ctx.arc(plot.valToPos(xs.at(-1), "x", true), plot.valToPos(ys.at(-1), "y", true), 4 * devicePixelRatio, 0, 7);
