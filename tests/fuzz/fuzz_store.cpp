@@ -19,33 +19,32 @@ void put32(uint8_t *at, uint32_t value) {
     std::memcpy(at, &value, sizeof value);
 }
 
-size_t slot_size(const FakeStorage &storage) {
+size_t room(const FakeStorage &storage) {
     return storage.used > omni::storage_tail
-               ? std::min((storage.used - omni::storage_tail) / 2, omni::ParamStore::max_slot)
+               ? std::min(storage.used - omni::storage_tail, size_t{omni::ParamStore::max_size})
                : 0;
 }
 
-/// A slot as the firmware writes it, with entries of the script's choice.
-void forge(FakeStorage *storage, size_t slot, Script &script) {
-    const size_t size = slot_size(*storage);
-    if (size < 20) {
+/// A set as the firmware writes it, with entries of the script's choice.
+void forge(FakeStorage *storage, Script &script) {
+    const size_t size = room(*storage);
+    if (size < 16) {
         return;
     }
-    uint8_t *at = storage->bytes + slot * size;
-    const size_t count = script.below((size - 20) / 6 + 1);
-    put32(at, script.one_in(16) ? script.number<uint32_t>() : 0x33504D4Fu);
+    uint8_t *at = storage->bytes;
+    const size_t count = script.below((size - 16) / 6 + 1);
+    put32(at, script.one_in(16) ? script.number<uint32_t>() : 0x34504D4Fu);
     put32(at + 4, script.one_in(8) ? script.number<uint32_t>() : omni_param_schema_crc);
-    put32(at + 8, script.number<uint32_t>());
-    put32(at + 12, script.one_in(16) ? script.number<uint32_t>() : static_cast<uint32_t>(count));
+    put32(at + 8, script.one_in(16) ? script.number<uint32_t>() : static_cast<uint32_t>(count));
     for (size_t i = 0; i < count; ++i) {
-        uint8_t *entry = at + 16 + 6 * i;
+        uint8_t *entry = at + 12 + 6 * i;
         const auto index = static_cast<uint16_t>(parameter_for(script.number<uint16_t>()));
         const uint16_t key = script.one_in(16) ? script.number<uint16_t>() : omni_param_table[index].storage_key;
         const float value = script.one_in(2) ? script.number<float>() : omni_param_table[index].maximum;
         std::memcpy(entry, &key, sizeof key);
         std::memcpy(entry + 2, &value, sizeof value);
     }
-    put32(at + 16 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : omni::crc32(at, 16 + 6 * count));
+    put32(at + 12 + 6 * count, script.one_in(16) ? script.number<uint32_t>() : omni::crc32(at, 12 + 6 * count));
 }
 
 void fill(FakeStorage *storage, Script &script) {
@@ -55,10 +54,8 @@ void fill(FakeStorage *storage, Script &script) {
     if (script.one_in(4)) {
         script.bytes(storage->bytes, storage->used);
     }
-    for (size_t slot = 0; slot < 2; ++slot) {
-        if (!script.one_in(4)) {
-            forge(storage, slot, script);
-        }
+    if (!script.one_in(4)) {
+        forge(storage, script);
     }
 }
 

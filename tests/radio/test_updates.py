@@ -17,14 +17,14 @@ from tests.radio.memory_robot import ERASED, MemoryRobot
 from tests.radio.station import usb
 
 TABLE = load_parameters(params_path())
-MAGIC = b"OMP3"
+MAGIC = b"OMP4"
 STORE = mavlink.MAV_CMD_PREFLIGHT_STORAGE
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 
 
 def memory(entries: list[tuple[int, float]], schema: int = 0x12345678) -> bytes:
-    """Return an otherwise erased memory with this set in its first slot."""
-    body = MAGIC + struct.pack("<III", schema, 1, len(entries))
+    """Return an otherwise erased memory with this set in it."""
+    body = MAGIC + struct.pack("<II", schema, len(entries))
     body += b"".join(struct.pack("<Hf", key, value) for key, value in entries)
     body += struct.pack("<I", zlib.crc32(body))
     return body + ERASED[len(body) :]

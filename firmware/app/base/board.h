@@ -157,9 +157,9 @@ class Storage {
 public:
     virtual size_t size() = 0;
     virtual bool read(size_t offset, uint8_t *data, size_t length) = 0;
-    /// Power may fail after any byte. @return false on failure.
+    /// Atomic: a power failure meanwhile leaves all of the old bytes or all of the new ones. @return false on failure.
     virtual bool write(size_t offset, const uint8_t *data, size_t length) = 0;
-    /// It reads as erased, but may contain data that cannot be read.
+    /// It may contain data that cannot be read: the last write was cut short, or all of it reads as erased but is not.
     virtual bool may_hold_unreadable_data() { return false; }
 
 protected:

@@ -54,7 +54,7 @@ bool are_equal(const uint8_t *a, const uint8_t *b, size_t length) {
 
 Signing::Signing(Storage &storage)
     : key_store_(storage, at_tail(storage, 0), key_content),
-      time_store_(storage, at_tail(storage, key_slots), signing_time_size) {}
+      time_store_(storage, at_tail(storage, key_record), signing_time_size) {}
 
 OMNI_COLD void Signing::boot() {
     uint8_t record[key_content] = {};
@@ -97,7 +97,6 @@ void Signing::forget_streams() {
     replaced_ = 0;
 }
 
-/// Write both slots: this erases the old key, and a damaged new key is not mistaken for an empty memory.
 /// @param key nullptr: none.
 bool Signing::store_key(const uint8_t *key) {
     uint8_t record[key_content] = {};
@@ -105,7 +104,7 @@ bool Signing::store_key(const uint8_t *key) {
         record[0] = 1;
         std::memcpy(record + at_key, key, key_length);
     }
-    return key_store_.save(record) && key_store_.save(record);
+    return key_store_.save(record);
 }
 
 /// Set the clock from a cable. Streams ahead of it are dropped, as they could never be accepted again.

@@ -17,7 +17,6 @@ Text parameter_text(int32_t index) {
 
 constexpr const char *inconsistent = "stored parameters do not fit: not used";
 constexpr const char *damaged = "stored parameters are damaged: not used";
-constexpr const char *one_damaged = "a stored parameter set is damaged: the other used";
 
 /// Equality that also holds for two NaNs: a value of the robot file may be NaN.
 bool values_differ(omni_real_t a, omni_real_t b) {
@@ -99,7 +98,6 @@ StoreResult Parameters::adopt_stored() {
 OMNI_COLD void Parameters::boot() {
     int32_t bad = -1;
     omni_result_t why = OMNI_OK;
-    boot_damaged_ = store_.damaged_slot();
     boot_result_ = adopt_stored();
     if (boot_result_ == StoreResult::ok || adopt(board_.robot_values, &bad, &why)) {
         return;
@@ -261,12 +259,9 @@ OMNI_COLD uint8_t Parameters::load() {
     const StoreResult result = adopt_stored();
     if (result == StoreResult::ok) {
         report_rejected_params();
-        if (store_.damaged_slot()) {
-            texts_.say(MAV_SEVERITY_ERROR, Text().add(one_damaged));
-        }
         return MAV_RESULT_ACCEPTED;
     }
-    if (result == StoreResult::empty && store_.damaged_slot()) {
+    if (result == StoreResult::damaged) {
         texts_.refuse(MAV_SEVERITY_ERROR, Text().add(damaged));
         return MAV_RESULT_FAILED;
     }
@@ -315,8 +310,8 @@ void Parameters::report_boot_problems() {
     } else {
         report_rejected_params();
     }
-    if (boot_damaged_) {
-        texts_.say(MAV_SEVERITY_ERROR, Text().add(boot_result_ == StoreResult::ok ? one_damaged : damaged));
+    if (boot_result_ == StoreResult::damaged) {
+        texts_.say(MAV_SEVERITY_ERROR, Text().add(damaged));
     }
 }
 

@@ -78,7 +78,6 @@ private:
     int32_t list_next_[Board::max_ports] = {OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT, OMNI_PARAM_COUNT};
     RejectedParams rejected_params_{}; ///< values rejected in the last load
     StoreResult boot_result_ = StoreResult::empty;
-    bool boot_damaged_ = false; ///< a stored set cannot be read
     bool boot_reported_ = false;
 };
 

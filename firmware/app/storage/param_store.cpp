@@ -12,11 +12,10 @@
 namespace omni {
 namespace {
 
-constexpr uint32_t magic = 0x33504D4F; // "OMP3"
+constexpr uint32_t magic = 0x34504D4F; // "OMP4"
 constexpr size_t at_schema = 4;
-constexpr size_t at_sequence = 8;
-constexpr size_t at_count = 12;
-constexpr size_t header_length = 16;
+constexpr size_t at_count = 8;
+constexpr size_t header_length = 12;
 constexpr size_t entry_length = 6;
 constexpr size_t crc_length = 4;
 
@@ -31,35 +30,38 @@ int32_t parameter_of_key(uint16_t key) {
 
 } // namespace
 
-size_t ParamStore::slot_size() const {
+/// Bytes for the set, 0 if the memory is too small for one.
+size_t ParamStore::room() const {
     const size_t size = storage_.size();
-    return size > storage_tail ? std::min((size - storage_tail) / 2, max_slot) : 0;
+    const size_t room = size > storage_tail ? std::min(size - storage_tail, max_size) : 0;
+    return room >= header_length + crc_length ? room : 0;
 }
 
-bool ParamStore::has_room() const {
-    return slot_size() >= header_length + crc_length;
-}
-
-OMNI_COLD Slot ParamStore::judge() const {
-    Slot slot;
-    if (!has_room()) {
-        return slot;
+/// Read the set into the buffer and validate it.
+OMNI_COLD StoreResult ParamStore::read() {
+    const size_t size = room();
+    if (size == 0) {
+        return StoreResult::empty;
     }
-    slot.erased = std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; });
+    if (!storage_.read(0, buffer_, size)) {
+        return StoreResult::damaged;
+    }
+    if (std::all_of(buffer_, buffer_ + header_length, [](uint8_t byte) { return byte == 0xFF; })) {
+        return StoreResult::empty;
+    }
     const size_t count = read_u32(buffer_ + at_count);
-    if (read_u32(buffer_) != magic || count > (slot_size() - header_length - crc_length) / entry_length) {
-        return slot;
+    if (read_u32(buffer_) != magic || count > (size - header_length - crc_length) / entry_length) {
+        return StoreResult::damaged;
     }
     const size_t length = header_length + count * entry_length;
-    slot.valid = read_u32(buffer_ + length) == crc32(buffer_, length);
-    slot.sequence = read_u32(buffer_ + at_sequence);
-    return slot;
+    return read_u32(buffer_ + length) == crc32(buffer_, length) ? StoreResult::ok : StoreResult::damaged;
 }
 
 OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
     rejected_params_ = {};
-    if (!read_newest()) {
-        return StoreResult::empty;
+    const StoreResult found = read();
+    if (found != StoreResult::ok) {
+        return found;
     }
     const size_t count = read_u32(buffer_ + at_count);
     for (size_t i = 0; i < count; ++i) {
@@ -77,16 +79,16 @@ OMNI_COLD StoreResult ParamStore::load(omni_real_t *values) {
     return StoreResult::ok;
 }
 
-/// @return length of the slot's content in buffer_, 0 if it does not fit.
-size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_values, uint32_t sequence) {
-    const size_t room = slot_size() - crc_length;
+/// @return length of the set in buffer_, 0 if it does not fit.
+size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_values) {
+    const size_t entries_end = room() - crc_length;
     size_t length = header_length;
     uint32_t count = 0;
     for (size_t i = 0; i < OMNI_PARAM_COUNT; ++i) {
         if (values[i] == robot_values[i]) {
             continue;
         }
-        if (length + entry_length > room) {
+        if (length + entry_length > entries_end) {
             return 0;
         }
         const uint16_t key = omni_param_table[i].storage_key;
@@ -98,23 +100,23 @@ size_t ParamStore::compose(const omni_real_t *values, const omni_real_t *robot_v
     }
     write_u32(buffer_, magic);
     write_u32(buffer_ + at_schema, omni_param_schema_crc);
-    write_u32(buffer_ + at_sequence, sequence);
     write_u32(buffer_ + at_count, count);
     write_u32(buffer_ + length, crc32(buffer_, length));
     return length + crc_length;
 }
 
 OMNI_COLD StoreResult ParamStore::save(const omni_real_t *values, const omni_real_t *robot_values) {
-    if (!has_room()) {
+    if (room() == 0) {
         return StoreResult::failed;
     }
-    bool fits = true;
-    const bool written = write_next([&](uint32_t sequence) {
-        const size_t length = compose(values, robot_values, sequence);
-        fits = length > 0;
-        return length;
-    });
-    return !fits ? StoreResult::full : (written ? StoreResult::ok : StoreResult::failed);
+    const size_t length = compose(values, robot_values);
+    if (length == 0) {
+        return StoreResult::full;
+    }
+    const uint32_t crc = read_u32(buffer_ + length - crc_length);
+    const bool written = storage_.write(0, buffer_, length) && read() == StoreResult::ok &&
+                         read_u32(buffer_ + length - crc_length) == crc;
+    return written ? StoreResult::ok : StoreResult::failed;
 }
 
 } // namespace omni

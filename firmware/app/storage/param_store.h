@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: MIT
-/// @file param_store.h  Parameters in non-volatile memory, in two slots (two_slots.h).
+/// @file param_store.h  Parameters in non-volatile memory. Storage writes are atomic: a power cut leaves the old or the
+/// new set.
 ///
-/// A slot holds the values that differ from the robot file's: header (magic, schema CRC, sequence, count), storage key
-/// and value of each, CRC-32 over all. The valid slot with the newer sequence is used.
+/// A set holds the values that differ from the robot file's: header (magic, schema CRC, count), storage key and value
+/// of each, CRC-32 over all. Bytes: docs/reference/storage.md.
 ///
 /// The storage key is a hash of the parameter's name, so a set survives firmware updates: each value is checked against
 /// the current range, and unknown or invalid ones are skipped and reported. A parameter that was never changed follows
@@ -12,16 +13,17 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "app/base/board.h"
 #include "app/base/core.h"
-#include "app/storage/two_slots.h"
 
 namespace omni {
 
 enum class StoreResult : uint8_t {
     ok,
-    empty,  ///< nothing valid is stored
-    full,   ///< more values than a slot holds
-    failed, ///< write error
+    empty,   ///< nothing is stored
+    damaged, ///< what is stored cannot be read
+    full,    ///< more values than the memory holds
+    failed,  ///< write error
 };
 
 /// Values of a stored set that were rejected.
@@ -46,12 +48,12 @@ struct RejectedParams {
     }
 };
 
-class ParamStore : public TwoSlots<ParamStore> {
+class ParamStore {
 public:
-    /// Maximum slot size [bytes].
-    static constexpr size_t max_slot = 16 + 6 * OMNI_PARAM_COUNT + 4;
+    /// Maximum size of a set [bytes].
+    static constexpr size_t max_size = 12 + 6 * OMNI_PARAM_COUNT + 4;
 
-    explicit ParamStore(Storage &storage) : TwoSlots(storage) {}
+    explicit ParamStore(Storage &storage) : storage_(storage) {}
 
     /// Overwrite `values` (robot file's values on entry) with the stored ones. Unchanged unless `ok`. Values are within
     /// their ranges; the caller must check the combination.
@@ -62,15 +64,13 @@ public:
     StoreResult save(const omni_real_t *values, const omni_real_t *robot_values);
 
 private:
-    friend class TwoSlots<ParamStore>;
-    size_t slot_size() const;
-    bool has_room() const;
-    static size_t place() { return 0; }
-    Slot judge() const;
-    size_t compose(const omni_real_t *values, const omni_real_t *robot_values, uint32_t sequence);
+    size_t room() const;
+    StoreResult read();
+    size_t compose(const omni_real_t *values, const omni_real_t *robot_values);
 
+    Storage &storage_;
     RejectedParams rejected_params_{};
-    uint8_t buffer_[max_slot] = {};
+    uint8_t buffer_[max_size] = {};
 };
 
 } // namespace omni

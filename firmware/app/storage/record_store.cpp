@@ -11,39 +11,37 @@
 namespace omni {
 namespace {
 
-constexpr uint32_t magic = 0x31524D4F; // "OMR1"
-constexpr size_t at_sequence = 4;
-constexpr size_t at_content = 8;
+constexpr uint32_t magic = 0x32524D4F; // "OMR2"
+constexpr size_t at_content = 4;
+constexpr size_t max_size = record_overhead + RecordStore::max_content;
 
 } // namespace
 
-Slot RecordStore::judge() const {
-    Slot slot;
-    const size_t covered = at_content + content_;
-    slot.erased = std::all_of(buffer_, buffer_ + slot_size(), [](uint8_t byte) { return byte == 0xFF; });
-    slot.valid = read_u32(buffer_) == magic && read_u32(buffer_ + covered) == crc32(buffer_, covered);
-    slot.sequence = read_u32(buffer_ + at_sequence);
-    return slot;
-}
-
 RecordStore::Result RecordStore::load(uint8_t *data) {
-    const bool damaged = is_damaged(inspect(0)) && is_damaged(inspect(1));
-    if (!read_newest()) {
-        return damaged ? Result::damaged : Result::empty;
+    uint8_t bytes[max_size];
+    if (!storage_.read(offset_, bytes, size())) {
+        return Result::damaged;
     }
-    std::memcpy(data, buffer_ + at_content, content_);
+    if (std::all_of(bytes, bytes + size(), [](uint8_t byte) { return byte == 0xFF; })) {
+        return Result::empty;
+    }
+    const size_t covered = at_content + content_;
+    if (read_u32(bytes) != magic || read_u32(bytes + covered) != crc32(bytes, covered)) {
+        return Result::damaged;
+    }
+    std::memcpy(data, bytes + at_content, content_);
     return Result::ok;
 }
 
 OMNI_COLD bool RecordStore::save(const uint8_t *data) {
-    return write_next([this, data](uint32_t sequence) {
-        const size_t covered = at_content + content_;
-        write_u32(buffer_, magic);
-        write_u32(buffer_ + at_sequence, sequence);
-        std::memcpy(buffer_ + at_content, data, content_);
-        write_u32(buffer_ + covered, crc32(buffer_, covered));
-        return slot_size();
-    });
+    uint8_t bytes[max_size];
+    const size_t covered = at_content + content_;
+    write_u32(bytes, magic);
+    std::memcpy(bytes + at_content, data, content_);
+    write_u32(bytes + covered, crc32(bytes, covered));
+    uint8_t stored[max_content];
+    return storage_.write(offset_, bytes, size()) && load(stored) == Result::ok &&
+           std::memcmp(stored, data, content_) == 0;
 }
 
 } // namespace omni

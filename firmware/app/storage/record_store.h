@@ -1,43 +1,40 @@
 // SPDX-License-Identifier: MIT
-/// @file record_store.h  One small record in non-volatile memory, in two slots (two_slots.h).
+/// @file record_store.h  One small record in non-volatile memory. Storage writes are atomic: a power cut leaves the old
+/// or the new record.
 #pragma once
 
 #include <cstddef>
 #include <cstdint>
 
+#include "app/base/board.h"
 #include "app/storage/storage_layout.h"
-#include "app/storage/two_slots.h"
 
 namespace omni {
 
-class RecordStore : public TwoSlots<RecordStore> {
+class RecordStore {
 public:
     static constexpr size_t max_content = key_content;
     enum class Result : uint8_t {
         ok,
-        empty,   ///< never written, or the first write was cut short
-        damaged, ///< both slots were written once, and neither is valid now
+        empty,   ///< never written
+        damaged, ///< written, but it cannot be read
     };
 
-    /// @param offset of slot 0; slot 1 follows. @param content bytes of the record, at most max_content.
+    /// @param offset of the record. @param content bytes of the record, at most max_content.
     RecordStore(Storage &storage, size_t offset, size_t content)
-        : TwoSlots(storage), offset_(offset), content_(content) {}
+        : storage_(storage), offset_(offset), content_(content) {}
 
     /// Load the record. @param data out: `content` bytes, unchanged unless ok.
     Result load(uint8_t *data);
-    /// Store the record. @return false on a write error; the old content is then still valid.
+    /// Store the record, and verify by reading back. @return false on a write error.
     bool save(const uint8_t *data);
 
 private:
-    friend class TwoSlots<RecordStore>;
-    static constexpr size_t max_slot = record_overhead + max_content;
-    size_t slot_size() const { return record_overhead + content_; }
-    size_t place() const { return offset_; }
-    Slot judge() const;
+    size_t size() const { return record_overhead + content_; }
 
+    Storage &storage_;
     size_t offset_;
     size_t content_;
-    uint8_t buffer_[max_slot] = {};
 };
 
 } // namespace omni

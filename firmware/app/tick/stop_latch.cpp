@@ -12,7 +12,7 @@ constexpr uint32_t word_released = 0x454D4F43; // "COME"
 /// Offset of the record; with a memory that is too small every access fails.
 size_t place_in(Storage &storage) {
     const size_t size = storage.size();
-    return size >= storage_tail ? size - latch_slots : size;
+    return size >= storage_tail ? size - latch_record : size;
 }
 
 } // namespace
@@ -22,7 +22,7 @@ StopLatch::StopLatch(Storage &storage) : storage_(storage), store_(storage, plac
 StopLatch::AtBoot StopLatch::boot() {
     uint8_t content[latch_content] = {};
     const RecordStore::Result found = store_.load(content);
-    if (storage_.may_hold_unreadable_data() || store_.damaged_slot()) {
+    if (storage_.may_hold_unreadable_data() || found == RecordStore::Result::damaged) {
         at_boot_ = AtBoot::unknown;
     } else if (found == RecordStore::Result::ok && read_u32(content) != word_released) {
         at_boot_ = AtBoot::stopped;

@@ -120,11 +120,13 @@ void FlashLog::replay() {
     while (take_record(end_, &end_)) {}
     if (!blank(bank_, end_)) {
         end_ = Flash::sector_size; // a write that was cut short: nothing may follow it
+        doubtful_ = true;
     }
 }
 
 void FlashLog::begin() {
     size_t second = none;
+    doubtful_ = false;
     find_banks(&bank_, &second);
     if (bank_ == none) {
         std::memset(image_, 0xFF, sizeof image_);
@@ -166,7 +168,7 @@ bool FlashLog::programmed(size_t sector, size_t offset, const uint8_t *data, siz
 /// Append a record of these bytes of the image.
 bool FlashLog::append(size_t offset, size_t length) {
     const size_t needed = record_header + padded(length);
-    if (bank_ == none || needed > Flash::sector_size - end_) {
+    if (bank_ == none || end_ + needed > closing_at) {
         return false;
     }
     Record record{static_cast<uint16_t>(offset), static_cast<uint16_t>(length), 0};
@@ -197,7 +199,18 @@ bool FlashLog::fill_bank(size_t sector) {
     return programmed(sector, image_at, image_, capacity) && programmed(sector, 0, bytes, sizeof bytes);
 }
 
+/// Leave a trace of the write that begins the next bank: without it, a power cut before that bank has its header would
+/// look as if nothing had been written.
+void FlashLog::close_bank() {
+    const uint8_t mark[Flash::sector_size - closing_at] = {};
+    programmed(bank_, closing_at, mark, sizeof mark); // worn cells cost the trace only
+    end_ = Flash::sector_size;
+}
+
 bool FlashLog::begin_bank() {
+    if (bank_ != none) {
+        close_bank();
+    }
     const size_t count = flash_.sectors();
     for (size_t step = 1; step <= count; ++step) {
         const size_t sector = bank_ == none ? step - 1 : (bank_ + step) % count;
@@ -224,7 +237,7 @@ bool FlashLog::write(size_t offset, const uint8_t *data, size_t length) {
         ++data;
         --length;
     }
-    if (length == 0) {
+    if (length == 0 && !doubtful_) {
         return true;
     }
     uint8_t before[capacity];

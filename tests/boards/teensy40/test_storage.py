@@ -15,7 +15,7 @@ from tests.parameter_sets import NOWHERE, drawn_values
 
 OK, EMPTY = 0, 1
 SECTORS, SECTOR_SIZE = 15, 4096
-WORDS_OF_IMAGE, WORDS_OF_HEADER = 1024, 8
+WORDS_OF_IMAGE, WORDS_OF_HEADER, WORDS_OF_MARK = 1024, 8, 4
 
 
 class Store:
@@ -385,7 +385,7 @@ def test_a_power_cut_at_any_step_of_a_save_that_begins_a_bank(store: Store, dirt
         seed += 1
         assert store.save(store.few(seed)) == OK
     erase = 0 if dirty is None else 1
-    assert cut_everywhere(store, new, dirty=dirty) == WORDS_OF_IMAGE + WORDS_OF_HEADER + erase
+    assert cut_everywhere(store, new, dirty=dirty) == WORDS_OF_MARK + WORDS_OF_IMAGE + WORDS_OF_HEADER + erase
 
 
 def test_a_power_cut_at_any_step_of_the_erasing_at_start_loses_nothing(store: Store) -> None:

@@ -17,15 +17,17 @@
 #include "scene.h"
 
 typedef struct lanes_tally_t {
-    uint32_t ticks;    /* of the scene */
-    uint32_t compared; /* of them in lanes */
-    uint32_t parted;   /* the lanes parted */
-    uint32_t unequal;  /* something common to all differed, so they could not be filled */
-    uint32_t wrong;    /* words that differed */
-    uint32_t armed[8]; /* compared while armed, per controller */
-    uint32_t kinds[8]; /* compared per kind of set-point */
-    uint32_t fixes;    /* compared ticks with a fix */
-    uint32_t in_a_row; /* longest stretch in lanes without filling them again */
+    uint32_t ticks;        /* of the scene */
+    uint32_t compared;     /* of them in lanes */
+    uint32_t parted;       /* the lanes parted */
+    uint32_t unequal;      /* something common to all differed, so they could not be filled */
+    uint32_t wrong;        /* words that differed */
+    uint32_t armed[8];     /* compared while armed, per controller */
+    uint32_t kinds[8];     /* compared per kind of set-point */
+    uint32_t fixes;        /* compared ticks with a fix */
+    uint32_t in_a_row;     /* longest stretch in lanes without filling them again */
+    uint32_t hot;          /* ticks without the sensors whose files are plain C: gyro, floor odometry, motor currents */
+    uint32_t hot_compared; /* of them in lanes */
 } lanes_tally_t;
 
 typedef struct bench_t {
@@ -233,9 +235,13 @@ void lanes_scene_tick(omni_robot_t *robot, const omni_inputs_t *inputs, omni_out
         omni_robot_tick(&bench.robots[lane], &bench.inputs[lane], &bench.outputs[lane]);
     }
     omni_robot_tick(robot, inputs, outputs);
+    const omni_robot_config_t *c = robot->config;
+    const bool hot = !c->pose_ekf.has_gyro && c->flow.axes == 0 && !c->current.enabled;
+    bench.tally.hot += hot ? 1u : 0u;
     if (together && bench.filled) {
         compare();
         note(inputs);
+        bench.tally.hot_compared += hot ? 1u : 0u;
     }
     ++bench.tally.ticks;
 }

@@ -65,8 +65,6 @@ static void make_state(void) {
     robot.estimator.flow.direction_known = any_bool();
     robot.estimator.flow.misaligned = any_bool();
     robot.estimator.flow.alignment_verified = any_bool();
-    robot.estimator.flow.misalignment_suspected = any_bool();
-    robot.estimator.flow.informative = any_bool();
     robot.estimator.flow.overriding = any_bool();
 }
 

@@ -39,7 +39,7 @@ typedef struct omni_current_state_t {
     omni_real_t wheel_rad_s[OMNI_MAX_WHEELS];         /**< w, bounded by the time without a count */
     omni_real_t ticks_without_count[OMNI_MAX_WHEELS]; /**< in a row, 1000 at most */
     omni_real_t heat[OMNI_MAX_WHEELS];                /**< h: 1 raises OMNI_FAULT_MOTOR_HEAT */
-    omni_flag_t overheated; /**< h has reached 1 and is not below OMNI_HEAT_WARNING_FRACTION yet */
+    bool overheated; /**< h has reached 1 and is not below OMNI_HEAT_WARNING_FRACTION yet */
 } omni_current_state_t;
 
 /** Heat h above which a warning is raised, and below which an overheated robot may be armed again. */

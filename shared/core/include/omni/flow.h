@@ -97,9 +97,9 @@ typedef struct omni_flow_state_t {
     omni_flow_config_t config;    /**< of the last tick: a change restarts the qualification */
     uint64_t last_received_us;    /**< tick of the last reading, valid or not; 0: none */
     uint64_t last_valid_us;       /**< tick of the last valid reading, or of the start */
-    omni_flag_t faulty;           /**< rejected too often, stuck, or misaligned */
-    omni_flag_t timed_out;        /**< no valid reading for OMNI_FLOW_TIMEOUT_TICKS */
-    omni_flag_t qualified;        /**< it may be used: OMNI_FLOW_QUALIFY_AFTER since it was last faulty or timed out */
+    bool faulty;                  /**< rejected too often, stuck, or misaligned */
+    bool timed_out;               /**< no valid reading for OMNI_FLOW_TIMEOUT_TICKS */
+    bool qualified;               /**< it may be used: OMNI_FLOW_QUALIFY_AFTER since it was last faulty or timed out */
     omni_uint_t consecutive_fits; /**< readings in a row within the gate while the robot moved */
     omni_uint_t consecutive_refusals;   /**< readings in a row beyond the gate, overriding ones left out */
     omni_uint_t readings_used;          /**< number of readings that corrected the estimate */
@@ -108,21 +108,18 @@ typedef struct omni_flow_state_t {
     omni_uint_t long_distance_fits;     /**< readings within the gate over distances far beyond noise, since a fault */
     omni_uint_t override_count;         /**< overriding readings, minus one for each reading within the gate */
     omni_uint_t consecutive_misaligned; /**< overriding readings in a row that look like a misaligned sensor */
-    omni_flag_t misalignment_suspected; /**< the last reading differs from the wheels' by a rotation only */
-    omni_flag_t informative;            /**< the last reading may be used for psi: no wheel spins or slides */
-    omni_flag_t overriding;         /**< the wheels are overridden; ends after five readings in a row within the gate */
-    omni_flag_t alignment_verified; /**< |psi| has been below 0.075 rad since it last qualified */
-    uint64_t last_plausible_us;     /**< tick of the last plausible reading */
-    omni_real_t last_speed_m_s[2];  /**< speed by that reading, body axes */
+    bool overriding;               /**< the wheels are overridden; ends after five readings in a row within the gate */
+    bool alignment_verified;       /**< |psi| has been below 0.075 rad since it last qualified */
+    uint64_t last_plausible_us;    /**< tick of the last plausible reading */
+    omni_real_t last_speed_m_s[2]; /**< speed by that reading, body axes */
     omni_real_t unseen_distance_m[2]; /**< distance by the wheels along each axis since it last reported motion there */
-    omni_real_t override_displacement[OMNI_AXES]; /**< pose correction by overriding readings: world, m, m, rad */
-    omni_real_t sum[OMNI_AXES];                   /**< sum of all plausible readings in body axes: m, m, rad */
+    omni_real_t sum[OMNI_AXES];       /**< sum of all plausible readings in body axes: m, m, rad */
     omni_real_t zero_reading_m[2]; /**< displacement by the wheels while the readings are zero, body axes summed up */
     omni_real_t nis;               /**< normalised innovation squared of the last reading */
     omni_real_t last_reading[2];   /**< x and y of the last plausible reading, sensor axes */
     omni_uint_t repeated_readings; /**< readings in a row equal to the one before, and not zero */
     omni_real_t wheels_at_first_repeat_m[2]; /**< displacement by the wheels, without slip, at the first of them */
-    omni_flag_t stuck;                       /**< readings repeat although the wheels' motion has changed */
+    bool stuck;                              /**< readings repeat although the wheels' motion has changed */
     omni_uint_t received;                    /**< number of readings, valid or not */
     omni_uint_t dropped;                     /**< number of readings without a valid x and y */
     omni_real_t rejection_rate;              /**< fraction of rejected readings, low-pass over about fifty */
@@ -130,8 +127,8 @@ typedef struct omni_flow_state_t {
     omni_real_t wheel_moments_m2[3];         /**< sums of d_x d_x, d_x d_y, d_y d_y */
     omni_real_t cross_moments_m2[2][2];      /**< sum of z d^T */
     omni_real_t override_distance_m;         /**< distance of overriding readings without a turn within the last 2 m */
-    omni_flag_t direction_known;             /**< `misalignment_rad` is valid */
-    omni_flag_t misaligned;                  /**< psi is, or was when last known, beyond the threshold */
+    bool direction_known;                    /**< `misalignment_rad` is valid */
+    bool misaligned;                         /**< psi is, or was when last known, beyond the threshold */
     omni_real_t misalignment_rad;            /**< psi; 0 while it is not known */
     omni_real_t accumulated_correction[OMNI_AXES]; /**< pose correction within the window: world, m, m, rad */
     omni_uint_t fixes;                             /**< number of pose fixes used at the last reading */
@@ -139,8 +136,7 @@ typedef struct omni_flow_state_t {
 } omni_flow_state_t;
 
 /** One tick, after the pose EKF's prediction. @return false while the sensor is faulty or timed out. */
-omni_flag_t omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
-                           omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
-                           const omni_kinematics_t *k);
+bool omni_flow_step(omni_flow_state_t *state, const omni_flow_config_t *config, const omni_flow_tick_t *tick,
+                    omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k);
 
 #endif

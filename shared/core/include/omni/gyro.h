@@ -62,8 +62,8 @@ typedef struct omni_gyro_tick_t {
     omni_real_t wheel_yaw_rate_rad_s; /**< yaw rate by the wheels without slip */
     omni_real_t wheels_x_m_s;         /**< body speed by the wheels, body frame */
     omni_real_t wheels_y_m_s;
-    omni_flag_t wheels_still;  /**< no encoder has counted in this tick */
-    omni_flag_t motors_driven; /**< a motor has a voltage */
+    bool wheels_still;  /**< no encoder has counted in this tick */
+    bool motors_driven; /**< a motor has a voltage */
 } omni_gyro_tick_t;
 
 /** State of the gyro's supervision. All zero: never used. */

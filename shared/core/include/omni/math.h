@@ -28,6 +28,10 @@ omni_real_t omni_wrap_pi(omni_real_t angle);
 /** Square root, IEEE-exact; a negative argument gives 0 (never NaN in a control path). */
 omni_real_t omni_sqrtf(omni_real_t value);
 
+/** Larger and smaller of two values; b if a is NaN. */
+omni_real_t omni_maxf(omni_real_t a, omni_real_t b);
+omni_real_t omni_minf(omni_real_t a, omni_real_t b);
+
 /** Value limited to [low, high]; a NaN gives low. */
 omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high);
 

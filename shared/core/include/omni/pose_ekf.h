@@ -174,9 +174,9 @@ typedef struct omni_pose_ekf_config_t {
 
 /** Yaw rate of one tick by the gyro. */
 typedef struct omni_ekf_gyro_rate_t {
-    omni_real_t rate_rad_s;       /**< counter-clockwise, bias included; finite */
-    omni_flag_t overrides_wheels; /**< the gyro gives the turn of this tick; false: the wheels do */
-    omni_flag_t at_rest; /**< the robot is at rest, so the rate measures the bias; excludes `overrides_wheels` */
+    omni_real_t rate_rad_s; /**< counter-clockwise, bias included; finite */
+    bool overrides_wheels;  /**< the gyro gives the turn of this tick; false: the wheels do */
+    bool at_rest;           /**< the robot is at rest, so the rate measures the bias; excludes `overrides_wheels` */
 } omni_ekf_gyro_rate_t;
 
 /** A reading of the floor odometry sensor (optical flow or dead wheels). All finite. */
@@ -187,7 +187,7 @@ typedef struct omni_ekf_flow_t {
     omni_real_t r_xy;           /**< variance of x and of y, m^2; > 0 */
     omni_real_t r_turn;         /**< variance of the turn, rad^2; > 0 */
     bool measures_turn;         /**< `move[2]` is measured; ignored with a gyro, which is more accurate */
-    omni_flag_t apply;          /**< correct the estimate; false: compute the residual only */
+    bool apply;                 /**< correct the estimate; false: compute the residual only */
     omni_real_t override_nis;   /**< NIS above which the reading replaces the wheels' motion; 0: never */
     uint32_t age_us;            /**< time since the end of the measured interval */
     uint32_t span_us;           /**< length of the measured interval; > 0 */
@@ -197,8 +197,8 @@ typedef struct omni_ekf_flow_t {
  * axes at mid-interval: m, m, rad. */
 typedef struct omni_ekf_flow_result_t {
     omni_real_t nis;
-    omni_flag_t within_gate;          /**< false also if it overrode the wheels */
-    omni_flag_t overrode_wheels;      /**< it replaced the wheels' motion in the estimate */
+    bool within_gate;                 /**< false also if it overrode the wheels */
+    bool overrode_wheels;             /**< it replaced the wheels' motion in the estimate */
     omni_real_t predicted_m;          /**< distance of the sensor predicted from the wheels */
     omni_real_t residual_m;           /**< length of (measured - predicted) */
     omni_real_t residual_variance_m2; /**< variance of the residual along one axis, given the slip ratios */
@@ -263,7 +263,7 @@ typedef struct omni_pose_ekf_state_t {
     omni_real_t whitened_innovation_sum[OMNI_AXES]; /**< u: decaying sum of whitened innovations */
     /** Fraction of each slot's noise of x and y, and of theta, that floor odometry has removed from `p`. */
     omni_real_t flow_noise_removed[OMNI_EKF_HISTORY][2];
-    omni_int_t flow_slots;                  /**< number of newest slots among which `flow_noise_removed` may be > 0 */
+    uint8_t flow_slots;                     /**< number of newest slots among which `flow_noise_removed` may be > 0 */
     omni_real_t mean_slip[OMNI_MAX_WHEELS]; /**< m: long-term mean of each slip ratio */
     omni_real_t mean_slip_distance_m[OMNI_MAX_WHEELS]; /**< L: rolled distance in that mean, at most 10 m */
 } omni_pose_ekf_state_t;
@@ -342,10 +342,6 @@ void omni_pose_ekf_inflate_slip_covariance(omni_pose_ekf_state_t *state, const o
  */
 void omni_pose_ekf_undo_flow_updates(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                      const omni_kinematics_t *k, const omni_real_t *taken);
-
-/** Add variance to the pose. @param doubt standard deviations: x, y [m], heading [rad]. */
-void omni_pose_ekf_inflate_pose_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                           const omni_kinematics_t *k, const omni_real_t *doubt);
 
 /**
  * Compute the residual of a floor odometry reading; correct the estimate if `flow->apply` and it is within the gate.

@@ -199,7 +199,7 @@ typedef struct omni_outputs_t {
     omni_real_t gyro_rad_s;   /**< yaw rate by the gyro, bias removed; 0 while it is not used */
     omni_real_t gyro_bias;    /**< rad/s */
     omni_real_t gyro_bias_sd; /**< standard deviation */
-    omni_flag_t gyro_used;    /**< it gives the turn, or measures its bias */
+    bool gyro_used;           /**< it gives the turn, or measures its bias */
     /* Floor odometry; 0 while FLOW_MODE is 0. */
     omni_real_t flow_sum[OMNI_AXES];   /**< sum of all plausible readings in body axes: m, m, rad */
     omni_real_t flow_nis;              /**< normalised innovation squared of the last reading */
@@ -208,8 +208,8 @@ typedef struct omni_outputs_t {
     omni_uint_t flow_received;         /**< number of readings, valid or not */
     omni_uint_t flow_dropped;          /**< number of readings without a valid displacement */
     omni_real_t flow_misalignment_rad; /**< deviation of its mounting angle; 0: not known */
-    omni_flag_t flow_usable;           /**< neither faulty nor timed out */
-    omni_flag_t flow_overriding;       /**< it overrides wheels that spin or slide */
+    bool flow_usable;                  /**< neither faulty nor timed out */
+    bool flow_overriding;              /**< it overrides wheels that spin or slide */
 } omni_outputs_t;
 
 /** Output of a position controller, which selects the actuation that follows it. */

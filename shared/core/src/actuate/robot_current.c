@@ -13,12 +13,13 @@ omni_uint_t omni_robot_watch_currents(omni_supervisor_t *supervisor, const omni_
                           estimate->delta_counts, driven, estimate->steps);
     omni_real_t most = 0.0f;
     for (uint8_t i = 0; i < c->kinematics.wheels; ++i) {
-        most = omni_select(state->heat[i] > most, state->heat[i], most);
+        if (state->heat[i] > most) {
+            most = state->heat[i];
+        }
     }
-    const omni_flag_t warm = most > OMNI_HEAT_WARNING_FRACTION;
-    state->overheated = (most >= 1.0f) | (state->overheated & warm);
-    return omni_select(warm, (uint32_t)OMNI_WARN_MOTOR_WARM, 0u) |
-           omni_select(state->overheated, (uint32_t)OMNI_FAULT_MOTOR_HEAT, 0u);
+    const bool warm = most > OMNI_HEAT_WARNING_FRACTION;
+    state->overheated = most >= 1.0f || (state->overheated && warm);
+    return (warm ? (uint32_t)OMNI_WARN_MOTOR_WARM : 0u) | (state->overheated ? (uint32_t)OMNI_FAULT_MOTOR_HEAT : 0u);
 }
 
 /* The wheel loops' anti-windup gets the limited voltages, as it does those of the duty limit. */
@@ -32,16 +33,18 @@ void omni_robot_limit_currents(omni_control_state_t *control, const omni_robot_c
         given_V[i] = actuation->duty[i] * supply_V;
     }
     const omni_real_t factor = omni_current_limit(&c->current, wheels, state->wheel_rad_s, given_V);
-    const omni_flag_t cut = factor < 1.0f;
+    const bool cut = factor < 1.0f;
     applied->current_reduction = 1.0f - factor;
-    applied->saturated = applied->saturated | cut;
-    if (omni_all(factor >= 1.0f)) {
+    applied->saturated = applied->saturated || cut;
+    if (factor >= 1.0f) {
         return;
     }
     for (uint8_t i = 0; i < wheels; ++i) {
         const omni_real_t wanted_V = actuation->duty[i] * supply_V;
-        const omni_real_t applied_V = omni_select(cut, given_V[i], wanted_V);
-        actuation->duty[i] = omni_select(cut, omni_clampf(given_V[i] / supply_V, -most, most), actuation->duty[i]);
+        const omni_real_t applied_V = cut ? given_V[i] : wanted_V;
+        if (cut) {
+            actuation->duty[i] = omni_clampf(given_V[i] / supply_V, -most, most);
+        }
         if (control->last_actuation_mode == OMNI_DEMAND_TWIST) {
             omni_pid_limited(&control->wheel_speed.pid[i], &c->wheel_speed.pid, wanted_V, applied_V);
         }

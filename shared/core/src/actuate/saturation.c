@@ -14,7 +14,7 @@ omni_real_t omni_saturate_direction(omni_real_t *values, uint8_t count, omni_rea
     omni_real_t peak = 0.0f;
     for (uint8_t i = 0; i < count; i++) {
         const omni_real_t magnitude = omni_absf(values[i]);
-        peak = omni_select(magnitude > peak, magnitude, peak);
+        peak = omni_maxf(magnitude, peak);
     }
     if (!(limit > 0.0f) || !omni_all_finite(values, count)) {
         return refuse_values(values, count);

@@ -130,8 +130,8 @@ static bound_t force_bound(const omni_direct_torque_config_t *config, omni_real_
 }
 
 static bound_t tighter_bound(bound_t a, bound_t b) {
-    a.share = omni_select(b.share < a.share, b.share, a.share);
-    a.brake_N_m = omni_select(b.brake_N_m > a.brake_N_m, b.brake_N_m, a.brake_N_m);
+    a.share = omni_minf(b.share, a.share);
+    a.brake_N_m = omni_maxf(b.brake_N_m, a.brake_N_m);
     return a;
 }
 
@@ -178,7 +178,7 @@ omni_real_t omni_direct_torque_protect(const omni_direct_torque_config_t *config
         const omni_real_t raised = omni_select(brakes_down, down.brake_N_m, kept);
         torque_N_m[i] = omni_select(brakes_up, -up.brake_N_m, raised);
         const omni_real_t share = omni_select(brakes_up || brakes_down, 0.0f, left);
-        smallest = omni_select(share < smallest, share, smallest);
+        smallest = omni_minf(share, smallest);
     }
     return smallest;
 }

@@ -33,8 +33,8 @@ static void restart_gyro_if_reconfigured(omni_gyro_state_t *state, const omni_gy
 }
 
 static void take_sample(omni_gyro_state_t *state, const omni_gyro_config_t *config, omni_real_t reading) {
-    const omni_flag_t same = reading == state->reading;
-    state->repeated_samples = omni_select(same, state->repeated_samples + 1u, 0u);
+    const bool same = reading == state->reading;
+    state->repeated_samples = same ? state->repeated_samples + 1u : 0u;
     state->reading = reading;
     state->silent_ticks = 0;
     if (!(omni_absf(reading) < config->range_rad_s) || state->repeated_samples >= (uint32_t)OMNI_GYRO_STUCK_SAMPLES) {
@@ -64,14 +64,14 @@ static bool read_gyro(omni_gyro_state_t *state, const omni_gyro_config_t *config
 
 /* Is the robot at rest? A bias step looks like a carried robot: after OMNI_GYRO_BIAS_RESTART_TICKS it is taken as one.
  */
-static omni_flag_t is_at_rest(omni_gyro_state_t *state, const omni_gyro_tick_t *tick, omni_pose_ekf_state_t *ekf,
-                              const omni_pose_ekf_config_t *ekf_config) {
+static bool is_at_rest(omni_gyro_state_t *state, const omni_gyro_tick_t *tick, omni_pose_ekf_state_t *ekf,
+                       const omni_pose_ekf_config_t *ekf_config) {
     const omni_real_t bias_sd = omni_sqrtf(omni_pose_ekf_bias_variance(ekf));
     const omni_real_t turns = omni_absf(state->rate_rad_s - omni_pose_ekf_bias(ekf));
-    const omni_flag_t quiet = turns < quiet_rad_s + 5.0f * bias_sd;
-    const omni_flag_t quietly = tick->wheels_still && quiet;
-    state->wheels_still_ticks = omni_select(tick->wheels_still, state->wheels_still_ticks + 1u, 0u);
-    state->rest_ticks = omni_select(quietly, state->rest_ticks + 1u, 0u);
+    const bool quiet = turns < quiet_rad_s + 5.0f * bias_sd;
+    const bool quietly = tick->wheels_still && quiet;
+    state->wheels_still_ticks = tick->wheels_still ? state->wheels_still_ticks + 1u : 0u;
+    state->rest_ticks = quietly ? state->rest_ticks + 1u : 0u;
     if (state->rest_ticks > (uint32_t)OMNI_GYRO_REST_TICKS) {
         state->wheels_still_ticks = OMNI_GYRO_REST_TICKS;
         state->rest_ticks = OMNI_GYRO_REST_TICKS;
@@ -87,8 +87,8 @@ static omni_flag_t is_at_rest(omni_gyro_state_t *state, const omni_gyro_tick_t *
 /* Undo its heading change relative to the wheels. A wrong sign excludes a skid; otherwise the wheels may have skidded,
  * and the change is added to the heading's deviation. */
 static void reject_gyro(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, const omni_pose_ekf_config_t *ekf_config,
-                        const omni_kinematics_t *k, omni_flag_t opposite) {
-    const omni_real_t doubt_rad = omni_select(opposite, 0.0f, state->yaw_residual_rad);
+                        const omni_kinematics_t *k, bool opposite) {
+    const omni_real_t doubt_rad = opposite ? 0.0f : state->yaw_residual_rad;
     state->rejected = true;
     state->turn.overrides_wheels = false;
     omni_pose_ekf_undo_gyro_turn(ekf, ekf_config, k, state->yaw_residual_rad, state->yaw_residual_s, doubt_rad);
@@ -101,34 +101,40 @@ static void reject_gyro(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, co
  * scale, but may have failed: then it reads almost nothing. */
 static void check_comparison_window(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf,
                                     const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
-    const omni_flag_t proven = state->agreed_with_wheels > 0u;
-    const omni_flag_t full = state->wheel_turn_rad > state->window_rad;
-    const omni_flag_t alike = state->gyro_along_wheels_rad > 0.5f * state->wheel_turn_rad &&
-                              state->gyro_along_wheels_rad < 2.0f * state->wheel_turn_rad;
-    const omni_flag_t right = full && alike;
-    const omni_flag_t wrong =
-        full && !alike && (!proven || state->gyro_turn_rad < blind_fraction * state->wheel_turn_rad);
-    const omni_flag_t opposite = wrong && state->gyro_along_wheels_rad < -0.5f * state->wheel_turn_rad;
-    const omni_flag_t often = state->wrong_windows >= (omni_uint_t)(OMNI_GYRO_REJECT_WINDOWS - 1);
-    const omni_flag_t enough = wrong && (often || opposite);
-    state->wrong_windows = omni_select(wrong && !enough, state->wrong_windows + 1u, state->wrong_windows);
-    state->wrong_windows = omni_select((full && !wrong) || enough, 0u, state->wrong_windows);
-    state->agreed_with_wheels = omni_select(right, 1u, omni_select(enough, 0u, state->agreed_with_wheels));
+    const bool proven = state->agreed_with_wheels > 0u;
+    const bool full = state->wheel_turn_rad > state->window_rad;
+    const bool alike = state->gyro_along_wheels_rad > 0.5f * state->wheel_turn_rad &&
+                       state->gyro_along_wheels_rad < 2.0f * state->wheel_turn_rad;
+    const bool right = full && alike;
+    const bool wrong = full && !alike && (!proven || state->gyro_turn_rad < blind_fraction * state->wheel_turn_rad);
+    const bool opposite = wrong && state->gyro_along_wheels_rad < -0.5f * state->wheel_turn_rad;
+    const bool often = state->wrong_windows >= (omni_uint_t)(OMNI_GYRO_REJECT_WINDOWS - 1);
+    const bool enough = wrong && (often || opposite);
+    if (wrong && !enough) {
+        state->wrong_windows = state->wrong_windows + 1u;
+    }
+    if ((full && !wrong) || enough) {
+        state->wrong_windows = 0u;
+    }
+    state->agreed_with_wheels = right ? 1u : (enough ? 0u : state->agreed_with_wheels);
     if (state->rejected) {
-        const omni_flag_t close = state->gyro_along_wheels_rad > 0.8f * state->wheel_turn_rad &&
-                                  state->gyro_along_wheels_rad < 1.25f * state->wheel_turn_rad;
+        const bool close = state->gyro_along_wheels_rad > 0.8f * state->wheel_turn_rad &&
+                           state->gyro_along_wheels_rad < 1.25f * state->wheel_turn_rad;
         state->rejected = !(full && close);
     } else if (enough) {
         reject_gyro(state, ekf, ekf_config, k, opposite);
     }
-    state->yaw_residual_rad = omni_select(full && !wrong, 0.0f, state->yaw_residual_rad);
-    state->yaw_residual_s = omni_select(full && !wrong, 0.0f, state->yaw_residual_s);
-    const omni_flag_t long_ones = state->agreed_with_wheels > 0u || state->rejected;
-    state->window_rad =
-        omni_select(full, omni_select(long_ones, later_window_rad, first_window_rad), state->window_rad);
-    state->wheel_turn_rad = omni_select(full, 0.0f, state->wheel_turn_rad);
-    state->gyro_along_wheels_rad = omni_select(full, 0.0f, state->gyro_along_wheels_rad);
-    state->gyro_turn_rad = omni_select(full, 0.0f, state->gyro_turn_rad);
+    if (full && !wrong) {
+        state->yaw_residual_rad = 0.0f;
+        state->yaw_residual_s = 0.0f;
+    }
+    const bool long_ones = state->agreed_with_wheels > 0u || state->rejected;
+    if (full) {
+        state->window_rad = long_ones ? later_window_rad : first_window_rad;
+        state->wheel_turn_rad = 0.0f;
+        state->gyro_along_wheels_rad = 0.0f;
+        state->gyro_turn_rad = 0.0f;
+    }
 }
 
 /* Only while motors drive: wheels turned by hand do not turn the body. */
@@ -136,19 +142,25 @@ static void compare_with_wheels(omni_gyro_state_t *state, const omni_gyro_tick_t
                                 const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_real_t wheels_rad = tick->wheel_yaw_rate_rad_s * tick->duration_s;
     const omni_real_t gyro_rad = (state->rate_rad_s - omni_pose_ekf_bias(ekf)) * tick->duration_s;
-    const omni_flag_t compared = tick->motors_driven && omni_absf(tick->wheel_yaw_rate_rad_s) > min_compared_rate_rad_s;
-    const omni_flag_t followed = tick->motors_driven && state->turn.overrides_wheels;
-    state->wheel_turn_rad += omni_select(compared, omni_absf(wheels_rad), 0.0f);
-    state->gyro_along_wheels_rad += omni_select(compared, omni_select(wheels_rad > 0.0f, gyro_rad, -gyro_rad), 0.0f);
-    state->gyro_turn_rad += omni_select(compared, omni_absf(gyro_rad), 0.0f);
-    state->yaw_residual_rad += omni_select(followed, gyro_rad - wheels_rad, 0.0f);
-    state->yaw_residual_s += omni_select(followed, tick->duration_s, 0.0f);
+    const bool compared = tick->motors_driven && omni_absf(tick->wheel_yaw_rate_rad_s) > min_compared_rate_rad_s;
+    const bool followed = tick->motors_driven && state->turn.overrides_wheels;
+    if (compared) {
+        state->wheel_turn_rad += omni_absf(wheels_rad);
+        state->gyro_along_wheels_rad += wheels_rad > 0.0f ? gyro_rad : -gyro_rad;
+        state->gyro_turn_rad += omni_absf(gyro_rad);
+    }
+    if (followed) {
+        state->yaw_residual_rad += gyro_rad - wheels_rad;
+        state->yaw_residual_s += tick->duration_s;
+    }
     check_comparison_window(state, ekf, ekf_config, k);
-    state->second_wheel_turn_rad += omni_select(followed, wheels_rad, 0.0f);
-    state->second_gyro_turn_rad += omni_select(followed, gyro_rad, 0.0f);
-    state->second_x_m += omni_select(followed, tick->wheels_x_m_s * tick->duration_s, 0.0f);
-    state->second_y_m += omni_select(followed, tick->wheels_y_m_s * tick->duration_s, 0.0f);
-    state->second_s += omni_select(followed, tick->duration_s, 0.0f);
+    if (followed) {
+        state->second_wheel_turn_rad += wheels_rad;
+        state->second_gyro_turn_rad += gyro_rad;
+        state->second_x_m += tick->wheels_x_m_s * tick->duration_s;
+        state->second_y_m += tick->wheels_y_m_s * tick->duration_s;
+        state->second_s += tick->duration_s;
+    }
 }
 
 /* Shift the bias by the difference of the gyro's and the wheels' rate in the last second. */
@@ -175,18 +187,17 @@ static void shift_bias(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf, con
 static void check_bias_creep(omni_gyro_state_t *state, omni_pose_ekf_state_t *ekf,
                              const omni_pose_ekf_config_t *ekf_config, const omni_kinematics_t *k) {
     const omni_real_t turned = omni_absf(state->second_wheel_turn_rad);
-    const omni_flag_t slow =
+    const bool slow =
         turned > min_creep_rate_rad_s * state->second_s && turned < max_creep_rate_rad_s * state->second_s;
-    const omni_flag_t unseen = omni_absf(state->second_gyro_turn_rad) < 0.25f * turned;
+    const bool unseen = omni_absf(state->second_gyro_turn_rad) < 0.25f * turned;
     const omni_real_t way_m = omni_absf(state->second_x_m) + omni_absf(state->second_y_m);
-    const omni_flag_t on_the_spot = way_m < 3.0f * turned * omni_absf(omni_lever_arm_m(k));
-    const omni_flag_t steady =
-        omni_absf(state->second_wheel_turn_rad - state->previous_second_wheel_turn_rad) < 0.5f * turned;
-    const omni_flag_t creeps = slow && unseen && on_the_spot && steady;
+    const bool on_the_spot = way_m < 3.0f * turned * omni_absf(omni_lever_arm_m(k));
+    const bool steady = omni_absf(state->second_wheel_turn_rad - state->previous_second_wheel_turn_rad) < 0.5f * turned;
+    const bool creeps = slow && unseen && on_the_spot && steady;
     const omni_real_t apart_rad = state->second_gyro_turn_rad - state->second_wheel_turn_rad;
-    state->creep_rad = omni_select(creeps, state->creep_rad + apart_rad, 0.0f);
-    state->creep_s = omni_select(creeps, state->creep_s + state->second_s, 0.0f);
-    state->creep_seconds = omni_select(creeps, state->creep_seconds + 1u, 0u);
+    state->creep_rad = creeps ? state->creep_rad + apart_rad : 0.0f;
+    state->creep_s = creeps ? state->creep_s + state->second_s : 0.0f;
+    state->creep_seconds = creeps ? state->creep_seconds + 1u : 0u;
     if (state->creep_seconds >= (omni_uint_t)OMNI_GYRO_CREEP_SECONDS) {
         shift_bias(state, ekf, ekf_config, k);
     }
@@ -221,6 +232,6 @@ bool omni_gyro_step(omni_gyro_state_t *state, const omni_gyro_config_t *config, 
         check_bias_creep(state, ekf, ekf_config, k);
         state->second_end_us = tick->time_us + hold_us;
     }
-    state->warning_ticks_left = omni_select(state->warning_ticks_left > 0u, state->warning_ticks_left - 1u, 0u);
+    state->warning_ticks_left = state->warning_ticks_left > 0u ? state->warning_ticks_left - 1u : 0u;
     return !state->faulty && !state->rejected && !(state->warning_ticks_left > 0u);
 }

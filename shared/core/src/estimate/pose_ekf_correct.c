@@ -121,14 +121,14 @@ static inline void adapt_noise(const update_t *u, omni_pose_ekf_state_t *state, 
     for (int i = 0; i < OMNI_AXES; ++i) {
         const omni_real_t white = u->white[i] * omni_sqrtf(u->inverse[i]);
         const omni_real_t share = u->r[i] * u->inverse[i];
-        const omni_real_t kept = omni_select(share < 1.0f, share, 1.0f); /* more only by rounding */
+        const omni_real_t kept = omni_minf(share, 1.0f); /* more only by rounding */
         slope += (1.0f - kept) * white * state->whitened_innovation_sum[i];
         state->whitened_innovation_sum[i] =
             omni_select(moves, kept * state->whitened_innovation_sum[i] + white, state->whitened_innovation_sum[i]);
     }
     const omni_real_t rate = omni_select(moves, adapt, 0.0f);
     const omni_real_t change = omni_clampf(rate * slope, -OMNI_EKF_MAX_ADAPT_STEP, OMNI_EKF_MAX_ADAPT_STEP);
-    const omni_real_t square = omni_select(nis < 12.0f, nis, 12.0f) / 3.0f - (1.0f + OMNI_EKF_FIX_NOISE_MARGIN);
+    const omni_real_t square = omni_minf(nis, 12.0f) / 3.0f - (1.0f + OMNI_EKF_FIX_NOISE_MARGIN);
     const omni_real_t noise = state->noise_factor * (1.0f + change);
     const omni_real_t fix = state->fix_noise_factor * (1.0f + 0.05f * rate * square);
     state->noise_factor = omni_clampf(noise, OMNI_EKF_MIN_NOISE_FACTOR, OMNI_EKF_MAX_NOISE_FACTOR);
@@ -353,7 +353,7 @@ static bool count_refused(const update_t *u, omni_pose_ekf_state_t *state, const
 
 static omni_real_t variance_of(omni_real_t sd, omni_real_t configured) {
     const omni_real_t variance = sd > 0.0f ? sd * sd : configured;
-    return omni_select(variance > min_variance, variance, min_variance);
+    return omni_maxf(variance, min_variance);
 }
 
 /* Fill everything up to the factors of S. */

@@ -174,27 +174,6 @@ static void find_innovation(flow_update_t *u, const omni_pose_ekf_state_t *state
     }
 }
 
-/*
- * The sensitivity to a slip ratio is the wheel's motion. Its quantisation is also in the innovation, so the product
- * would have a mean. So the motion is replaced by the weighted mean of counts and reading, whose error is uncorrelated
- * with the innovation.
- */
-static void remove_rounding_from_jacobian(flow_update_t *u, const omni_pose_ekf_config_t *config,
-                                          const omni_kinematics_t *k, const omni_ekf_flow_result_t *result) {
-    omni_real_t moved[OMNI_AXES];
-    for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        moved[axis] =
-            (result->measured[axis] - result->predicted[axis]) * u->c[axis] / (u->c[axis] + u->w[axis] + u->r[axis]);
-    }
-    const uint8_t slip_states = omni_ekf_slips(config, k);
-    for (uint8_t i = 0; i < slip_states; ++i) {
-        const omni_real_t rolled = k->b[i][0] * moved[0] + k->b[i][1] * moved[1] + k->b[i][2] * moved[2];
-        for (int axis = 0; axis < (config->has_gyro ? 2 : OMNI_AXES); ++axis) {
-            u->jacobian[axis][i] -= k->b_pinv[axis][i] * rolled;
-        }
-    }
-}
-
 static void find_sensitivity(flow_update_t *u, const omni_ekf_flow_t *flow) {
     for (uint8_t i = 0; i < u->error_states; ++i) {
         u->h[0][i] = u->jacobian[0][i] - flow->lever_arm_m[1] * u->jacobian[2][i];
@@ -261,7 +240,7 @@ static void whiten_flow(const flow_update_t *u, omni_real_t *v, ptrdiff_t stride
 
 /* Correct the motion in the history and reduce its noise, so that delayed fixes stay exact. */
 static void update_history(const flow_update_t *u, omni_pose_ekf_state_t *state, const omni_ekf_flow_t *flow,
-                           const omni_real_t *lever, omni_flag_t fits) {
+                           const omni_real_t *lever) {
     omni_real_t more[FLOW_ROWS] = {0.0f, 0.0f, 0.0f}; /* S^-1 y */
     for (int i = u->rows - 1; i >= 0; --i) {
         more[i] = u->white[i];
@@ -287,12 +266,12 @@ static void update_history(const flow_update_t *u, omni_pose_ekf_state_t *state,
         omni_real_t x = u->w[0] * more[0] * of_span;
         omni_real_t y = u->w[1] * more[1] * of_span;
         rotate_pair(cosine, sine, &x, &y);
-        slot->move[0] += omni_select(fits, x, 0.0f);
-        slot->move[1] += omni_select(fits, y, 0.0f);
-        slot->move[2] += omni_select(fits, turn * of_span, 0.0f);
+        slot->move[0] += x;
+        slot->move[1] += y;
+        slot->move[2] += turn * of_span;
         omni_real_t *known = state->flow_noise_removed[part.index];
-        known[0] = omni_clampf(known[0] + omni_select(fits, known_xy * part.used, 0.0f), 0.0f, 1.0f);
-        known[1] = omni_clampf(known[1] + omni_select(fits, known_turn * part.used, 0.0f), 0.0f, 1.0f);
+        known[0] = omni_clampf(known[0] + known_xy * part.used, 0.0f, 1.0f);
+        known[1] = omni_clampf(known[1] + known_turn * part.used, 0.0f, 1.0f);
     }
     memcpy(state->last_propagated_slot.move, state->history[state->open_slot].move,
            sizeof state->last_propagated_slot.move);
@@ -303,16 +282,14 @@ static bool is_gyro_state(const omni_pose_ekf_config_t *config, uint8_t a) {
     return config->has_gyro && (a == 2 || a >= (uint8_t)(OMNI_AXES + (int)OMNI_EKF_GYRO_BIAS));
 }
 
-/* x += K y and P -= K S K^T, with K = cross S^-1; no change unless `fits`. The gyro's states are consider states
- * (Schmidt-Kalman filter): not corrected, but their covariance is used. */
-static void apply_flow_correction(flow_update_t *u, omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                  omni_flag_t fits) {
+/* x += K y and P -= K S K^T, with K = cross S^-1. The gyro's states are consider states (Schmidt-Kalman filter): not
+ * corrected, but their covariance is used. */
+static void apply_flow_correction(const flow_update_t *u, omni_pose_ekf_state_t *state,
+                                  const omni_pose_ekf_config_t *config) {
     omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
     for (uint8_t a = 0; a < u->states; ++a) {
-        for (uint8_t row = 0; row < u->rows; ++row) {
-            u->cross[row][a] = omni_select(fits, u->cross[row][a], 0.0f);
-            const omni_real_t white = omni_select(fits, u->white[row], 0.0f); /* 0 * NaN would be NaN */
-            delta[a] += is_gyro_state(config, a) ? 0.0f : u->cross[row][a] * white;
+        for (uint8_t row = 0; row < u->rows && !is_gyro_state(config, a); ++row) {
+            delta[a] += u->cross[row][a] * u->white[row];
         }
     }
     for (uint8_t a = 0; a < u->states; ++a) {
@@ -352,7 +329,7 @@ static void remove_slip_dependence(const flow_update_t *u, omni_pose_ekf_state_t
 
 /* Replace the motion of the interval's slots by the reading's; remove its dependence on slip. */
 static void override_history(const flow_update_t *u, omni_pose_ekf_state_t *state, const omni_ekf_flow_t *flow,
-                             const omni_real_t *more, omni_flag_t led) {
+                             const omni_real_t *more) {
     history_part_t part;
     omni_real_t theta = state->pose.theta;
     begin_history_parts(&part, flow, true);
@@ -366,8 +343,8 @@ static void override_history(const flow_update_t *u, omni_pose_ekf_state_t *stat
         omni_real_t change[OMNI_AXES] = {more[0] * of_span, more[1] * of_span, more[2] * of_span};
         rotate_pair(cosine, sine, &change[0], &change[1]);
         for (int axis = 0; axis < OMNI_AXES; ++axis) {
-            slot->move[axis] += omni_select(led, change[axis], 0.0f);
-            const omni_real_t kept = omni_select(led && axis < u->rows, 1.0f - part.used, 1.0f);
+            slot->move[axis] += change[axis];
+            const omni_real_t kept = axis < u->rows ? 1.0f - part.used : 1.0f;
             for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
                 slot->jacobian[axis][i] *= kept;
             }
@@ -380,33 +357,31 @@ static void override_history(const flow_update_t *u, omni_pose_ekf_state_t *stat
 static void override_motion(const flow_update_t *u, omni_pose_ekf_state_t *state, const omni_kinematics_t *k,
                             const omni_ekf_flow_t *flow, const omni_ekf_window_t *window,
                             const omni_ekf_flow_result_t *result) {
-    const omni_flag_t led = result->overrode_wheels;
-    const omni_real_t turned = omni_select(led && u->rows > 2, u->innovation[2], 0.0f);
+    const omni_real_t turned = u->rows > 2 ? u->innovation[2] : 0.0f;
     const omni_real_t later[2] = {u->since[0] - 0.5f * window->move[0], u->since[1] - 0.5f * window->move[1]};
     omni_real_t more[OMNI_AXES] = {result->measured[0] - u->move[0], result->measured[1] - u->move[1], turned};
     omni_real_t gain[OMNI_AXES][OMNI_MAX_WHEELS] = {{0.0f}};
     for (uint8_t i = 0; i < u->error_states && i < OMNI_MAX_WHEELS; ++i) {
-        const omni_real_t turn = omni_select(led, window->jacobian[2][i], 0.0f);
-        gain[0][i] = omni_select(led, window->jacobian[0][i], 0.0f) - later[1] * turn;
-        gain[1][i] = omni_select(led, window->jacobian[1][i], 0.0f) + later[0] * turn;
+        const omni_real_t turn = window->jacobian[2][i];
+        gain[0][i] = window->jacobian[0][i] - later[1] * turn;
+        gain[1][i] = window->jacobian[1][i] + later[0] * turn;
         gain[2][i] = u->rows > 2 ? turn : 0.0f;
     }
     remove_slip_dependence(u, state, gain);
     /* An unmeasured turn keeps its sign for many readings: deviations add up, not variances. */
-    const omni_flag_t by_gyro = u->gyro && window->jacobian[2][OMNI_EKF_GYRO_BIAS] != 0.0f;
-    const omni_real_t unseen = omni_select(by_gyro, 0.0f, result->residual_m / omni_absf(omni_lever_arm_m(k)));
+    const bool by_gyro = u->gyro && window->jacobian[2][OMNI_EKF_GYRO_BIAS] != 0.0f;
+    const omni_real_t unseen = by_gyro ? 0.0f : result->residual_m / omni_absf(omni_lever_arm_m(k));
     const omni_real_t unseen_noise = unseen * (unseen + 2.0f * omni_sqrtf(state->p[2][2]));
     const omni_real_t arm2 = flow->lever_arm_m[0] * flow->lever_arm_m[0] + flow->lever_arm_m[1] * flow->lever_arm_m[1];
     const omni_real_t turn_noise = u->rows > 2 ? u->r[2] : unseen_noise;
-    const omni_real_t xy = omni_select(led, u->r[0] + arm2 * turn_noise, 0.0f);
-    const omni_real_t theta = omni_select(led, turn_noise, 0.0f);
+    const omni_real_t xy = u->r[0] + arm2 * turn_noise;
     const omni_real_t lever[OMNI_AXES] = {-u->since[1], u->since[0], 1.0f};
     for (int a = 0; a < OMNI_AXES; ++a) {
         for (int b = 0; b < OMNI_AXES; ++b) {
-            state->p[a][b] += theta * lever[a] * lever[b] + (a == b && a < 2 ? xy : 0.0f);
+            state->p[a][b] += turn_noise * lever[a] * lever[b] + (a == b && a < 2 ? xy : 0.0f);
         }
     }
-    override_history(u, state, flow, more, led);
+    override_history(u, state, flow, more);
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(u->theta + 0.5f * turned, &sine, &cosine);
@@ -414,8 +389,8 @@ static void override_motion(const flow_update_t *u, omni_pose_ekf_state_t *state
     omni_real_t y = result->measured[1];
     rotate_pair(cosine, sine, &x, &y);
     omni_real_t delta[OMNI_EKF_STATES] = {0.0f};
-    delta[0] = omni_select(led, x - window->move[0] - later[1] * turned, 0.0f);
-    delta[1] = omni_select(led, y - window->move[1] + later[0] * turned, 0.0f);
+    delta[0] = x - window->move[0] - later[1] * turned;
+    delta[1] = y - window->move[1] + later[0] * turned;
     delta[2] = turned;
     omni_ekf_apply_correction(state, delta, u->error_states);
 }
@@ -443,7 +418,6 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     rotate_to_body_axes(&u, &window);
     find_noise(&u, config, k, flow);
     find_innovation(&u, state, flow, result);
-    remove_rounding_from_jacobian(&u, config, k, result);
     find_sensitivity(&u, flow);
     factor_flow_covariance(&u, state, lever);
     compute_cross_covariance(&u, state, lever, shared);
@@ -454,28 +428,26 @@ bool omni_pose_ekf_correct_flow(omni_pose_ekf_state_t *state, const omni_pose_ek
     }
     const omni_real_t nis =
         u.white[0] * u.white[0] + u.white[1] * u.white[1] + (u.rows > 2 ? u.white[2] * u.white[2] : 0.0f);
-    const omni_flag_t known = nis < largest_nis; /* false for NaN: the covariance is singular by rounding */
-    result->nis = omni_select(known, nis, largest_nis);
+    const bool known = nis < largest_nis; /* false for NaN: the covariance is singular by rounding */
+    result->nis = known ? nis : largest_nis;
     const omni_real_t turned_m = u.move[2] * omni_lever_arm_m(k);
-    const omni_flag_t moves = result->predicted_m * result->predicted_m + turned_m * turned_m > 16.0f * flow->r_xy;
-    const omni_flag_t may_lead = flow->apply && flow->override_nis > 0.0f && moves;
-    const omni_flag_t led = known && shared && may_lead && nis > flow->override_nis;
-    result->overrode_wheels = led;
-    result->within_gate = known && !led && (config->flow_gate == 0.0f || nis <= config->flow_gate);
-    const omni_flag_t counts = flow->apply && result->within_gate;
-    state->flow_slots = omni_select(counts || led, (omni_int_t)OMNI_EKF_HISTORY, state->flow_slots);
-    if (!omni_all(led)) {
-        if (shared) {
-            update_history(&u, state, flow, lever, counts);
-        }
-        apply_flow_correction(&u, state, config, counts);
-    }
-    if (omni_any(led)) {
+    const bool moves = result->predicted_m * result->predicted_m + turned_m * turned_m > 16.0f * flow->r_xy;
+    const bool may_override = flow->apply && flow->override_nis > 0.0f && moves && shared;
+    result->overrode_wheels = known && may_override && nis > flow->override_nis;
+    result->within_gate = known && !result->overrode_wheels && (config->flow_gate == 0.0f || nis <= config->flow_gate);
+    if (result->overrode_wheels) {
         omni_ekf_flow_result_t whole = *result;
         (void)integrate_history_motion(&u, state, config, flow, &window, true);
         rotate_to_body_axes(&u, &window);
         find_innovation(&u, state, flow, &whole);
         override_motion(&u, state, k, flow, &window, &whole);
+        state->flow_slots = OMNI_EKF_HISTORY;
+    } else if (flow->apply && result->within_gate) {
+        if (shared) {
+            update_history(&u, state, flow, lever);
+        }
+        apply_flow_correction(&u, state, config);
+        state->flow_slots = OMNI_EKF_HISTORY;
     }
     return true;
 }

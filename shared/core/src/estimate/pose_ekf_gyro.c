@@ -22,8 +22,8 @@ typedef struct turn_measurement_t {
     omni_real_t innovation;
     omni_real_t noise; /* variance of the innovation */
     omni_real_t creep; /* variance by creep of the wheels, correlated over slots */
-    omni_flag_t at_rest;
-    omni_flag_t apply;
+    bool at_rest;
+    bool apply;
 } turn_measurement_t;
 
 void omni_pose_ekf_start_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config) {
@@ -68,17 +68,20 @@ void omni_pose_ekf_set_gyro(omni_pose_ekf_state_t *state, const omni_ekf_gyro_ca
 
 /* Slip ratios change slowly, a skid does not: the innovation then keeps its sign for many slots. The measurement does
  * not identify the wheel. So it is not applied, and the variance of the ratios is raised. */
-static omni_flag_t detect_skid(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                               const turn_measurement_t *turn, omni_real_t variance) {
+static bool detect_skid(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
+                        const turn_measurement_t *turn, omni_real_t variance) {
     const omni_real_t mean =
         state->yaw_residual_mean_rad + skid_mean_weight * (turn->innovation - state->yaw_residual_mean_rad);
-    state->yaw_residual_mean_rad =
-        omni_select(turn->apply, omni_select(turn->at_rest, 0.0f, mean), state->yaw_residual_mean_rad);
-    const omni_flag_t moves = turn->apply && !turn->at_rest;
-    const omni_flag_t skids = moves && mean * mean > skid_gate * (variance + turn->creep);
+    if (turn->apply) {
+        state->yaw_residual_mean_rad = turn->at_rest ? 0.0f : mean;
+    }
+    const bool moves = turn->apply && !turn->at_rest;
+    const bool skids = moves && mean * mean > skid_gate * (variance + turn->creep);
     for (int i = 0; i < OMNI_MAX_WHEELS; ++i) {
         omni_real_t *known = &state->p[OMNI_AXES + i][OMNI_AXES + i];
-        *known += omni_select(skids && turn->h[i] != 0.0f && *known < config->p_slip, skid_noise, 0.0f);
+        if (skids && turn->h[i] != 0.0f && *known < config->p_slip) {
+            *known += skid_noise;
+        }
     }
     return skids;
 }
@@ -100,11 +103,11 @@ static void apply_gyro_correction(omni_pose_ekf_state_t *state, const omni_pose_
     for (int i = 0; i < OMNI_EKF_ERROR_STATES; ++i) {
         variance += h[i] * ph[OMNI_AXES + i];
     }
-    const omni_flag_t skids = detect_skid(state, config, turn, variance);
-    const omni_flag_t near = variance > 0.0f && innovation * innovation <= turn_gate * variance;
-    const omni_flag_t fits = turn->apply && !skids && near;
-    const omni_real_t inverse = omni_select(fits, 1.0f / variance, 0.0f);
-    const omni_real_t of_gyro = omni_select(turn->at_rest, inverse, 0.0f);
+    const bool skids = detect_skid(state, config, turn, variance);
+    const bool near = variance > 0.0f && innovation * innovation <= turn_gate * variance;
+    const bool fits = turn->apply && !skids && near;
+    const omni_real_t inverse = fits ? 1.0f / variance : 0.0f;
+    const omni_real_t of_gyro = turn->at_rest ? inverse : 0.0f;
     omni_real_t delta[OMNI_EKF_STATES];
     for (int a = 0; a < OMNI_EKF_STATES; ++a) {
         const omni_real_t gain = ph[a] * inverse;
@@ -122,8 +125,7 @@ static void apply_gyro_correction(omni_pose_ekf_state_t *state, const omni_pose_
  * already in the innovation; in the sensitivity, too, the product would have a mean.
  */
 static void compute_gyro_measurement(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                     const omni_kinematics_t *k, uint8_t slip_states, omni_flag_t rest,
-                                     omni_flag_t counts) {
+                                     const omni_kinematics_t *k, uint8_t slip_states, bool rest, bool counts) {
     const omni_ekf_slot_t *slot = &state->history[state->open_slot];
     turn_measurement_t turn = {.at_rest = rest, .apply = counts};
     const omni_real_t scale = 1.0f + state->error_state[OMNI_EKF_GYRO_SCALE];
@@ -135,17 +137,17 @@ static void compute_gyro_measurement(omni_pose_ekf_state_t *state, const omni_po
         weight += k->b_pinv[2][i] * k->b_pinv[2][i];
     }
     for (uint8_t i = 0; i < slip_states; ++i) {
-        turn.h[i] = omni_select(rest, 0.0f, k->b_pinv[2][i] * (state->slot_wheel_m[i] + k->b[i][2] * apart));
+        turn.h[i] = rest ? 0.0f : k->b_pinv[2][i] * (state->slot_wheel_m[i] + k->b[i][2] * apart);
     }
     turn.h[OMNI_EKF_GYRO_BIAS] = -scale * state->slot_gyro_s;
-    turn.h[OMNI_EKF_GYRO_SCALE] = omni_select(rest, 0.0f, turned);
+    turn.h[OMNI_EKF_GYRO_SCALE] = rest ? 0.0f : turned;
     turn.innovation = -apart;
     turn.creep = weight * config->r_null;
     /* slot->steps contains the wheels' noise factor, which does not apply to the gyro. */
     const omni_real_t of_gyro = config->q_gyro * (state->slot_gyro_s / config->step_s);
-    const omni_real_t noise = of_gyro + omni_select(rest, 0.0f, config->q_theta * slot->steps);
-    const omni_real_t least = omni_select(rest, 0.0f, weight * config->r_count);
-    turn.noise = omni_select(noise > least, noise, least);
+    const omni_real_t noise = of_gyro + (rest ? 0.0f : config->q_theta * slot->steps);
+    const omni_real_t least = rest ? 0.0f : weight * config->r_count;
+    turn.noise = omni_maxf(noise, least);
     apply_gyro_correction(state, config, &turn);
 }
 
@@ -156,17 +158,17 @@ void omni_pose_ekf_undo_gyro_turn(omni_pose_ekf_state_t *state, const omni_pose_
     const omni_real_t doubt = doubt_rad * doubt_rad;
     omni_pose_ekf_propagate_covariance(state, config, k);
     state->p[2][2] += config->q_theta * state->pose_noise_factor * duration_s / config->step_s;
-    state->p[2][2] += omni_select(doubt < OMNI_EKF_UNKNOWN_HEADING_VARIANCE, doubt, OMNI_EKF_UNKNOWN_HEADING_VARIANCE);
+    state->p[2][2] += omni_minf(doubt, OMNI_EKF_UNKNOWN_HEADING_VARIANCE);
     omni_ekf_apply_correction(state, delta, OMNI_EKF_ERROR_STATES);
 }
 
 void omni_ekf_correct_with_gyro(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
                                 const omni_kinematics_t *k, uint8_t slip_states) {
     const omni_real_t all = (omni_real_t)state->slot_ticks;
-    const omni_flag_t rest = state->slot_rest_ticks == all;
-    const omni_flag_t turns = slip_states > 0 && state->slot_gyro_ticks == all;
-    const omni_flag_t counts = rest || turns;
-    if (omni_any(counts)) {
+    const bool rest = state->slot_rest_ticks == all;
+    const bool turns = slip_states > 0 && state->slot_gyro_ticks == all;
+    const bool counts = rest || turns;
+    if (counts) {
         compute_gyro_measurement(state, config, k, slip_states, rest, counts);
     }
     state->slot_gyro_rad = 0.0f;

@@ -38,7 +38,7 @@ void omni_ekf_history_next(omni_pose_ekf_state_t *state) {
     memset(state->slot_wheel_m, 0, sizeof state->slot_wheel_m);
     state->flow_noise_removed[state->open_slot][0] = 0.0f;
     state->flow_noise_removed[state->open_slot][1] = 0.0f;
-    state->flow_slots = omni_select(state->flow_slots > 0, state->flow_slots - 1, (omni_int_t)0);
+    state->flow_slots = (uint8_t)(state->flow_slots > 0 ? state->flow_slots - 1 : 0);
     memcpy(slot->error_state, state->error_state, sizeof slot->error_state);
     omni_sincosf(state->pose.theta, &state->slot_sine, &state->slot_cosine);
 }
@@ -84,18 +84,18 @@ static void shift_slip_ratio(omni_pose_ekf_state_t *state, uint8_t wheel, omni_r
 }
 
 static void update_slip_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t wheel,
-                             omni_flag_t seen) {
+                             bool seen) {
     const omni_real_t rolled = omni_absf(state->slot_wheel_m[wheel]);
     const omni_real_t way = state->mean_slip_distance_m[wheel] + rolled;
     const omni_flag_t known = state->p[OMNI_AXES + wheel][OMNI_AXES + wheel] < 0.5f * config->p_slip;
     const omni_real_t share = omni_select(seen && known, rolled / (way + slip_mean_prior_distance_m), 0.0f);
     state->mean_slip[wheel] += share * (state->error_state[wheel] - state->mean_slip[wheel]);
-    const omni_real_t limited = omni_select(way < max_mean_distance_m, way, max_mean_distance_m);
+    const omni_real_t limited = omni_minf(way, max_mean_distance_m);
     state->mean_slip_distance_m[wheel] = omni_select(seen && known, limited, state->mean_slip_distance_m[wheel]);
 }
 
 static void revert_to_slip_mean(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config, uint8_t wheel,
-                                omni_flag_t seen) {
+                                bool seen) {
     const omni_real_t trust =
         state->mean_slip_distance_m[wheel] / (state->mean_slip_distance_m[wheel] + slip_mean_prior_distance_m);
     const omni_real_t step = config->mean_reversion * trust * (state->mean_slip[wheel] - state->error_state[wheel]);
@@ -109,9 +109,9 @@ void omni_ekf_update_slip_means(omni_pose_ekf_state_t *state, const omni_pose_ek
                                 uint8_t slip_states) {
     const bool fixed = state->last_fix_us != 0 && state->time_us - state->last_fix_us <= slip_observed_after_fix_us;
     const bool alone = !fixed && omni_ekf_is_dead_reckoning(state->last_absolute_update_us, state->time_us);
-    const omni_flag_t seen = fixed || state->flow_slots > 0;
+    const bool seen = fixed || state->flow_slots > 0;
     for (uint8_t i = 0; i < slip_states; ++i) {
-        if (omni_any(seen)) {
+        if (seen) {
             update_slip_mean(state, config, i, seen);
         }
         if (alone) {

@@ -15,16 +15,7 @@ void omni_pose_ekf_inflate_slip_covariance(omni_pose_ekf_state_t *state, const o
             state->p[a][OMNI_AXES + i] = 0.0f;
             state->p[OMNI_AXES + i][a] = 0.0f;
         }
-        state->p[OMNI_AXES + i][OMNI_AXES + i] =
-            omni_select(unknown_floor_slip_variance > config->p_slip, unknown_floor_slip_variance, config->p_slip);
-    }
-}
-
-void omni_pose_ekf_inflate_pose_covariance(omni_pose_ekf_state_t *state, const omni_pose_ekf_config_t *config,
-                                           const omni_kinematics_t *k, const omni_real_t *doubt) {
-    omni_pose_ekf_propagate_covariance(state, config, k);
-    for (int axis = 0; axis < OMNI_AXES; ++axis) {
-        state->p[axis][axis] += doubt[axis] * doubt[axis];
+        state->p[OMNI_AXES + i][OMNI_AXES + i] = omni_maxf(unknown_floor_slip_variance, config->p_slip);
     }
 }
 

@@ -27,17 +27,11 @@ static inline void move_pose(omni_pose_ekf_state_t *state, const omni_real_t *de
     add_compensated(&pose->x, &state->kahan_compensation[0], delta[0]);
     add_compensated(&pose->y, &state->kahan_compensation[1], delta[1]);
     add_compensated(&pose->theta, &state->kahan_compensation[2], delta[2]);
-    const omni_flag_t above = pose->theta >= OMNI_PI_F;
-    const omni_flag_t below = pose->theta < -OMNI_PI_F;
-    if (omni_any(above)) {
-        pose->theta = omni_select(above, pose->theta - whole_turn, pose->theta);
-        state->kahan_compensation[2] =
-            omni_select(above, state->kahan_compensation[2] - whole_turn_rest, state->kahan_compensation[2]);
-    }
-    if (omni_any(below)) {
-        pose->theta = omni_select(below, pose->theta + whole_turn, pose->theta);
-        state->kahan_compensation[2] =
-            omni_select(below, state->kahan_compensation[2] + whole_turn_rest, state->kahan_compensation[2]);
+    const omni_flag_t outside = pose->theta >= OMNI_PI_F || pose->theta < -OMNI_PI_F;
+    if (omni_any(outside)) {
+        const omni_real_t turns = omni_select(outside, omni_signf(pose->theta), 0.0f);
+        pose->theta -= turns * whole_turn;
+        state->kahan_compensation[2] -= turns * whole_turn_rest;
     }
     if (omni_absf(pose->theta) > OMNI_PI_F) {
         pose->theta = omni_wrap_pi(pose->theta);
@@ -46,7 +40,7 @@ static inline void move_pose(omni_pose_ekf_state_t *state, const omni_real_t *de
 
 /* The gyro's turn in one tick. */
 typedef struct gyro_turn_t {
-    omni_flag_t overrides_wheels;
+    bool overrides_wheels;
     omni_real_t turned_rad; /* bias and scale error corrected */
     omni_real_t unscaled;   /* bias corrected only */
     omni_real_t duration_s;
@@ -85,7 +79,7 @@ static inline void move_body(const omni_pose_ekf_state_t *state, const omni_kine
     }
     omni_kinematics_forward(k, wheel_delta_rad, slip_states > 0 ? slip_m : NULL, &body);
     if (gyro != NULL) {
-        body.wz = omni_select(gyro->overrides_wheels, gyro->turned_rad, body.wz);
+        body.wz = gyro->overrides_wheels ? gyro->turned_rad : body.wz;
     }
     omni_real_t sine;
     omni_real_t cosine;
@@ -107,13 +101,13 @@ static inline void accumulate_slot(omni_pose_ekf_state_t *state, const omni_pose
         slot->slip_noise[i] += omni_select(rolled != 0.0f && known, config->q_slip * motion->slip_steps, 0.0f);
         state->slot_wheel_m[i] += rolled;
         if (gyro != NULL) {
-            slot->jacobian[2][i] -= omni_select(gyro->overrides_wheels, 0.0f, k->b_pinv[2][i] * rolled);
+            slot->jacobian[2][i] -= gyro->overrides_wheels ? 0.0f : k->b_pinv[2][i] * rolled;
         }
     }
     if (gyro != NULL) {
         const omni_real_t scale = 1.0f + state->error_state[OMNI_EKF_GYRO_SCALE];
-        slot->jacobian[2][OMNI_EKF_GYRO_BIAS] -= omni_select(gyro->overrides_wheels, gyro->duration_s * scale, 0.0f);
-        slot->jacobian[2][OMNI_EKF_GYRO_SCALE] += omni_select(gyro->overrides_wheels, gyro->unscaled, 0.0f);
+        slot->jacobian[2][OMNI_EKF_GYRO_BIAS] -= gyro->overrides_wheels ? gyro->duration_s * scale : 0.0f;
+        slot->jacobian[2][OMNI_EKF_GYRO_SCALE] += gyro->overrides_wheels ? gyro->unscaled : 0.0f;
     }
 }
 
@@ -338,11 +332,11 @@ static inline void apply_gyro_rate(omni_pose_ekf_state_t *state, const omni_pose
     gyro->turned_rad = (1.0f + state->error_state[OMNI_EKF_GYRO_SCALE]) * gyro->unscaled;
     gyro->overrides_wheels = turn->overrides_wheels;
     const omni_real_t q_wheels = config->q_theta * state->pose_noise_factor;
-    motion->turn_noise = omni_select(turn->overrides_wheels || turn->at_rest, config->q_gyro, q_wheels) * motion->steps;
+    motion->turn_noise = (turn->overrides_wheels || turn->at_rest ? config->q_gyro : q_wheels) * motion->steps;
     state->slot_gyro_rad += turn->rate_rad_s * gyro->duration_s;
     state->slot_gyro_s += gyro->duration_s;
-    state->slot_rest_ticks += omni_select(turn->at_rest, 1.0f, 0.0f);
-    state->slot_gyro_ticks += omni_select(turn->overrides_wheels, 1.0f, 0.0f);
+    state->slot_rest_ticks += turn->at_rest ? 1.0f : 0.0f;
+    state->slot_gyro_ticks += turn->overrides_wheels ? 1.0f : 0.0f;
 }
 
 /* At the end of a slot: in dead reckoning the next slots have more noise, and a slot without motion of wheels and gyro

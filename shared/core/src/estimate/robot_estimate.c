@@ -155,9 +155,9 @@ static omni_uint_t use_flow(omni_estimator_t *estimator, const omni_robot_config
                                    .reading = inputs->flow_moved,
                                    .valid = inputs->flow_valid,
                                    .interval_valid = interval_valid};
-    const omni_flag_t usable =
+    const bool usable =
         omni_flow_step(&estimator->flow, &c->flow, &tick, &estimator->pose_ekf, &c->pose_ekf, &c->kinematics);
-    return omni_select(usable, (omni_uint_t)0u, (omni_uint_t)OMNI_WARN_FLOW);
+    return usable ? (omni_uint_t)0u : (omni_uint_t)OMNI_WARN_FLOW;
 }
 
 /* Pose fixes are of the tracked body (FIX_X, FIX_Y, FIX_TH). The fix's own heading leads to the wheels' centre: 5 mrad

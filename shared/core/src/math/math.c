@@ -75,8 +75,8 @@ omni_real_t omni_atan2f(omni_real_t y, omni_real_t x) {
     if (!omni_is_finite(ax) || !omni_is_finite(ay)) {
         return 0.0f * ax + 0.0f * ay; /* NaN */
     }
-    const omni_real_t low = omni_select(ax < ay, ax, ay);
-    const omni_real_t high = omni_select(ax < ay, ay, ax);
+    const omni_real_t low = omni_minf(ax, ay);
+    const omni_real_t high = omni_maxf(ay, ax);
     if (high == 0.0f) {
         return 0.0f;
     }

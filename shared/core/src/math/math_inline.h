@@ -18,9 +18,16 @@ OMNI_INLINE omni_real_t omni_sqrtf(omni_real_t value) {
     return omni_select(value > 0.0f, OMNI_SQRTF(value), 0.0f);
 }
 
+OMNI_INLINE omni_real_t omni_maxf(omni_real_t a, omni_real_t b) {
+    return omni_select(a > b, a, b);
+}
+
+OMNI_INLINE omni_real_t omni_minf(omni_real_t a, omni_real_t b) {
+    return omni_select(a < b, a, b);
+}
+
 OMNI_INLINE omni_real_t omni_clampf(omni_real_t value, omni_real_t low, omni_real_t high) {
-    const omni_real_t raised = omni_select(value > low, value, low);
-    return omni_select(raised < high, raised, high);
+    return omni_minf(omni_maxf(value, low), high);
 }
 
 OMNI_INLINE omni_real_t omni_absf(omni_real_t value) {

@@ -47,7 +47,7 @@ void omni_current_configure(omni_current_config_t *config, omni_real_t limit_A, 
 
 static omni_real_t step_heat(const omni_current_config_t *config, omni_real_t heat, omni_real_t current_A) {
     const omni_real_t goal = current_A * current_A * config->inverse_continuous_A2;
-    const omni_real_t next = heat + config->heat_gain * (omni_select(goal < MAX_HEAT, goal, MAX_HEAT) - heat);
+    const omni_real_t next = heat + config->heat_gain * (omni_minf(goal, MAX_HEAT) - heat);
     return omni_clampf(next, 0.0f, MAX_HEAT);
 }
 
@@ -55,10 +55,9 @@ static omni_real_t step_heat(const omni_current_config_t *config, omni_real_t he
 static omni_real_t bounded_speed(omni_real_t *quiet, const omni_current_config_t *config, omni_real_t speed_rad_s,
                                  omni_int_t counts, uint32_t steps) {
     const omni_real_t longer = *quiet + (omni_real_t)steps;
-    *quiet =
-        omni_select(counts != 0, 0.0f, omni_select(longer < MAX_TICKS_WITHOUT_COUNT, longer, MAX_TICKS_WITHOUT_COUNT));
-    const omni_real_t most = config->one_count_rad_s / omni_select(*quiet > 1.0f, *quiet, 1.0f);
-    return omni_select(*quiet > TRUSTED_TICKS_WITHOUT_COUNT, omni_clampf(speed_rad_s, -most, most), speed_rad_s);
+    *quiet = counts != 0 ? 0.0f : omni_minf(longer, MAX_TICKS_WITHOUT_COUNT);
+    const omni_real_t most = config->one_count_rad_s / omni_maxf(*quiet, 1.0f);
+    return *quiet > TRUSTED_TICKS_WITHOUT_COUNT ? omni_clampf(speed_rad_s, -most, most) : speed_rad_s;
 }
 
 void omni_current_estimate(omni_current_state_t *state, const omni_current_config_t *config, uint8_t wheels,
@@ -88,17 +87,21 @@ omni_real_t omni_current_limit(const omni_current_config_t *config, uint8_t whee
     for (uint8_t i = 0; i < wheels; ++i) {
         const omni_real_t emf = config->constant_V_s * wheel_rad_s[i];
         const omni_real_t push = voltage_V[i] - emf;
-        const omni_flag_t brakes = (push * emf < 0.0f) & (omni_absf(emf) > config->brake_V);
-        const omni_real_t size = omni_select(brakes, 0.0f, omni_absf(push));
-        factor = omni_select(size * factor > config->limit_V, config->limit_V / size, factor);
-        emf_V[i] = omni_select(brakes, voltage_V[i], emf);
-        push_V[i] = omni_select(brakes, 0.0f, push);
+        const bool brakes = push * emf < 0.0f && omni_absf(emf) > config->brake_V;
+        const omni_real_t size = brakes ? 0.0f : omni_absf(push);
+        if (size * factor > config->limit_V) {
+            factor = config->limit_V / size;
+        }
+        emf_V[i] = brakes ? voltage_V[i] : emf;
+        push_V[i] = brakes ? 0.0f : push;
     }
-    if (omni_all(factor >= 1.0f)) {
+    if (factor >= 1.0f) {
         return 1.0f;
     }
     for (uint8_t i = 0; i < wheels; ++i) {
-        voltage_V[i] = omni_select(factor < 1.0f, emf_V[i] + factor * push_V[i], voltage_V[i]);
+        if (factor < 1.0f) {
+            voltage_V[i] = emf_V[i] + factor * push_V[i];
+        }
     }
     return factor;
 }

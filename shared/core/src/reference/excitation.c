@@ -33,8 +33,8 @@ void omni_excitation_next(omni_excitation_state_t *exciter) {
     omni_real_t sine;
     omni_real_t cosine;
     omni_sincosf(exciter->phase_rad, &sine, &cosine);
-    const omni_flag_t sweep = (plan->step_rad != 0.0f) | (plan->phase_acceleration_rad != 0.0f);
-    exciter->value = plan->amplitude * omni_select(sweep, sine, 1.0f);
+    const bool sweep = plan->step_rad != 0.0f || plan->phase_acceleration_rad != 0.0f;
+    exciter->value = plan->amplitude * (sweep ? sine : 1.0f);
     exciter->phase_rad = omni_wrap_pi(exciter->phase_rad + exciter->step_rad);
     exciter->step_rad += plan->phase_acceleration_rad;
 }

@@ -43,7 +43,7 @@ static omni_twist_t approach_twist(omni_twist_t from, omni_twist_t to, omni_real
  * distance d0. */
 static omni_real_t approach_rate(omni_real_t distance, omni_real_t acceleration) {
     const omni_real_t proportional = acceleration / (POSE_APPROACH_RATE * POSE_APPROACH_RATE);
-    const omni_real_t d = omni_select(distance > proportional, distance, proportional);
+    const omni_real_t d = omni_maxf(distance, proportional);
     return omni_sqrtf(acceleration * (2.0f * d - proportional)) / d;
 }
 
@@ -88,7 +88,7 @@ static void approach_pose_setpoint(omni_reference_generator_t *generator, const 
     /* One rate for all three, so that way and turn end together. */
     const omni_real_t of_way = approach_rate(omni_sqrtf(dx * dx + dy * dy), c->limits.acceleration_m_s2);
     const omni_real_t of_turn = approach_rate(omni_absf(dtheta), turn_acceleration(c));
-    const omni_real_t rate = omni_select(of_way < of_turn, of_way, of_turn);
+    const omni_real_t rate = omni_minf(of_way, of_turn);
     const omni_twist_t wanted = {setpoint->twist.vx + rate * dx, setpoint->twist.vy + rate * dy,
                                  setpoint->twist.wz + rate * dtheta};
     const omni_rotation_t heading = omni_rotation(pose->theta);

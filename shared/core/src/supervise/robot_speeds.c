@@ -30,17 +30,16 @@ static void start_overspeed_interval(omni_speed_watch_t *watch, const omni_estim
 }
 
 /* Count checks with overspeed in one direction. @return true: OMNI_OVERSPEED_CHECKS of them without being braked. */
-static omni_flag_t update_overspeed_duration(omni_speed_watch_t *watch, uint8_t wheel, omni_flag_t beyond,
-                                             omni_real_t speed) {
+static bool update_overspeed_duration(omni_speed_watch_t *watch, uint8_t wheel, bool beyond, omni_real_t speed) {
     const omni_real_t first = watch->initial_speed_rad_s[wheel];
-    const omni_flag_t goes_on = beyond & (first * speed > 0.0f);
-    const omni_flag_t over = goes_on & (watch->overspeed_checks[wheel] >= (omni_real_t)OMNI_OVERSPEED_CHECKS);
-    const omni_flag_t braked = over & (omni_absf(speed) <= braked_to * omni_absf(first));
-    const omni_flag_t begins = (beyond & (first * speed <= 0.0f)) | braked;
-    const omni_real_t longer = omni_select(goes_on, watch->overspeed_checks[wheel] + 1.0f, 0.0f);
-    watch->overspeed_checks[wheel] = omni_select(begins, 1.0f, longer);
-    watch->initial_speed_rad_s[wheel] = omni_select(begins, speed, omni_select(goes_on, first, 0.0f));
-    return over & (omni_absf(speed) > braked_to * omni_absf(first));
+    const bool goes_on = beyond && first * speed > 0.0f;
+    const bool over = goes_on && (watch->overspeed_checks[wheel] >= (omni_real_t)OMNI_OVERSPEED_CHECKS);
+    const bool braked = over && (omni_absf(speed) <= braked_to * omni_absf(first));
+    const bool begins = (beyond && first * speed <= 0.0f) || braked;
+    const omni_real_t longer = goes_on ? watch->overspeed_checks[wheel] + 1.0f : 0.0f;
+    watch->overspeed_checks[wheel] = begins ? 1.0f : longer;
+    watch->initial_speed_rad_s[wheel] = begins ? speed : (goes_on ? first : 0.0f);
+    return over && (omni_absf(speed) > braked_to * omni_absf(first));
 }
 
 static void check_overspeed(omni_speed_watch_t *watch, const omni_robot_config_t *config,
@@ -55,12 +54,12 @@ static void check_overspeed(omni_speed_watch_t *watch, const omni_robot_config_t
         const omni_real_t speed = counted_speed(config, estimator->last_counts[i], watch->counts[i], i, per_count);
         const omni_real_t now = omni_absf(actuation->wheel_reference[i]);
         const omni_real_t peak = watch->peak_reference_rad_s[i]; /* a chattering reference may be low at the check */
-        const omni_real_t reference = omni_select(now > peak, now, peak);
+        const omni_real_t reference = omni_maxf(now, peak);
         const omni_real_t bound = watch->armed ? excess * reference + tolerance * limit : at_rest * limit;
         /* Margin of one count: quantisation. */
-        const omni_flag_t beyond = omni_absf(speed) > bound + per_count;
-        const omni_flag_t fast = watch->armed ? update_overspeed_duration(watch, i, beyond, speed) : beyond;
-        fault |= omni_select(fast, (uint32_t)OMNI_FAULT_OVERSPEED, 0u);
+        const bool beyond = omni_absf(speed) > bound + per_count;
+        const bool fast = watch->armed ? update_overspeed_duration(watch, i, beyond, speed) : beyond;
+        fault |= fast ? (uint32_t)OMNI_FAULT_OVERSPEED : 0u;
     }
     watch->overspeed_fault = fault;
 }
@@ -69,8 +68,8 @@ static void check_overspeed(omni_speed_watch_t *watch, const omni_robot_config_t
 static void check_speed_on_disarm(omni_speed_watch_t *watch, const omni_robot_config_t *config,
                                   const omni_estimate_t *estimate) {
     for (uint8_t i = 0; i < config->kinematics.wheels; ++i) {
-        const omni_flag_t turns = omni_absf(estimate->wheel_rad_s[i]) > at_rest * config->limits.wheel_rad_s;
-        watch->overspeed_fault |= omni_select(turns, (uint32_t)OMNI_FAULT_OVERSPEED, 0u);
+        const bool turns = omni_absf(estimate->wheel_rad_s[i]) > at_rest * config->limits.wheel_rad_s;
+        watch->overspeed_fault |= turns ? (uint32_t)OMNI_FAULT_OVERSPEED : 0u;
     }
 }
 

@@ -17,8 +17,8 @@ static omni_flag_t update_braking(omni_stall_watch_t *watch, const omni_robot_co
     const omni_real_t time_s = c->step_s * watch->ticks;
     const omni_flag_t begins = back & (watch->braked_s < 0.0f) & (time_s <= c->limits.stall_s);
     const omni_flag_t goes_on = back & (watch->braked_s > 0.0f);
-    const omni_real_t rate = (ROUNDING - watch->counts) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
-    watch->rate = omni_select(begins & (rate > watch->rate), rate, watch->rate);
+    const omni_real_t rate = (ROUNDING - watch->counts) / omni_maxf(watch->ticks, 1.0f);
+    watch->rate = omni_select(begins, omni_maxf(rate, watch->rate), watch->rate);
     const omni_real_t left = 1.0f - watch->braked_s / (BRAKING * c->limits.stall_s);
     const omni_flag_t slows = goes_on & (-watch->counts <= watch->rate * left * watch->ticks);
     watch->braked_s = omni_select(begins, time_s, omni_select(goes_on, watch->braked_s + time_s, watch->braked_s));
@@ -27,7 +27,7 @@ static omni_flag_t update_braking(omni_stall_watch_t *watch, const omni_robot_co
 
 /* A wheel that has stopped or turns with its voltage is not braked until the voltage changes its sign again. */
 static void end_braking(omni_stall_watch_t *watch, omni_flag_t judged) {
-    const omni_real_t rate = (watch->counts + ROUNDING) / omni_select(watch->ticks > 1.0f, watch->ticks, 1.0f);
+    const omni_real_t rate = (watch->counts + ROUNDING) / omni_maxf(watch->ticks, 1.0f);
     watch->rate = omni_select(judged & (watch->counts > 0.0f), rate, watch->rate);
     watch->braked_s = omni_select(judged & (watch->counts >= 0.0f), 0.0f, watch->braked_s);
 }
@@ -51,9 +51,8 @@ static omni_uint_t check_stall(omni_stall_watch_t *watch, const omni_robot_confi
     if (omni_any(behind > 0.0f) || omni_any(watch->stalled_s > 0.0f)) {
         const omni_real_t share =
             omni_select(update_braking(watch, c, judged), 0.0f, behind / watch->expected_volt_ticks);
-        const omni_real_t longer_s =
-            watch->stalled_s + c->step_s * watch->ticks * omni_select(share < 2.0f, share, 2.0f);
-        const omni_real_t stalled_s = omni_select(longer_s > 0.0f, longer_s, 0.0f);
+        const omni_real_t longer_s = watch->stalled_s + c->step_s * watch->ticks * omni_minf(share, 2.0f);
+        const omni_real_t stalled_s = omni_maxf(longer_s, 0.0f);
         watch->stalled_s = omni_select(judged, stalled_s, watch->stalled_s);
         if (watch->stalled_s > c->limits.stall_s) {
             faults |= OMNI_FAULT_STALL;

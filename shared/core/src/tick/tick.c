@@ -119,11 +119,11 @@ static omni_uint_t gate_actuation(omni_supervisor_t *supervisor, omni_real_t sup
 
 static void report_gyro(const omni_estimator_t *estimator, omni_outputs_t *outputs) {
     const omni_ekf_gyro_rate_t *turn = &estimator->gyro.turn;
-    const omni_flag_t used = turn->overrides_wheels || turn->at_rest;
+    const bool used = turn->overrides_wheels || turn->at_rest;
     const omni_real_t bias = omni_pose_ekf_bias(&estimator->pose_ekf);
     outputs->gyro_bias = bias;
     outputs->gyro_bias_sd = omni_sqrtf(omni_pose_ekf_bias_variance(&estimator->pose_ekf));
-    outputs->gyro_rad_s = omni_select(used, turn->rate_rad_s - bias, 0.0f);
+    outputs->gyro_rad_s = used ? turn->rate_rad_s - bias : 0.0f;
     outputs->gyro_used = used;
 }
 
@@ -226,7 +226,7 @@ static inline __attribute__((always_inline)) void check_overspeed_when_due(omni_
         if (wheel < OMNI_MAX_WHEELS) {
             const omni_real_t reference = omni_absf(actuation->wheel_reference[wheel]);
             const omni_real_t peak = speeds->peak_reference_rad_s[wheel];
-            speeds->peak_reference_rad_s[wheel] = omni_select(reference > peak, reference, peak);
+            speeds->peak_reference_rad_s[wheel] = omni_maxf(reference, peak);
         }
         speeds->ticks_left -= estimate->steps;
     } else {
