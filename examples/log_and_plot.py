@@ -5,7 +5,7 @@ import omniwheel
 
 with omniwheel.simulate("fast_three_wheel", speed="max") as robot:
     robot.arm()
-    robot.drive(0.3, 0.0, 1.0, duration_s=3.0)
+    robot.drive(0.3, 0.0, 1.0, duration=3.0)
     run = robot.run  # everything since the connection
 
 for name in ("drive.csv", "drive.npz", "drive.tlog"):  # the last one is for MAVProxy and QGroundControl, too

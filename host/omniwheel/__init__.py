@@ -5,7 +5,7 @@
 >>> with omniwheel.simulate("fast_three_wheel") as robot:   # doctest: +SKIP
 ...     robot.arm()
 ...     robot.drive_to(0.5, 0.0, speed=0.5)
-...     robot.drive(0.0, 0.2, 0.0, duration_s=2.0)
+...     robot.drive(0.0, 0.2, 0.0, duration=2.0)
 ...     print(robot.pose, robot.battery_V, robot.state)
 ...     robot.run.save("drive.csv")
 

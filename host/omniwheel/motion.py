@@ -245,23 +245,23 @@ class MovingRobot(RobotBase):
         vx: float,
         vy: float,
         wz: float,
-        duration_s: float,
+        duration: float,
         *,
         frame: str = "body",
         progress: Progress | None = None,
     ) -> Driven:
-        """Drive with a velocity [m/s, m/s, rad/s] for ``duration_s``, come to rest, and hold.
+        """Drive with a velocity [m/s, m/s, rad/s] for ``duration`` [s], come to rest, and hold.
 
         ``frame``: "body" or "world". Raises LimitError before anything moves if the robot cannot follow it,
         StoppedError.
         """
         stops = self._require_armed()
-        if finite("duration_s", duration_s) <= 0.0:
-            raise SetpointError(f"duration_s is {duration_s:g} s; must be above 0")
-        self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration_s)
+        if finite("duration", duration) <= 0.0:
+            raise SetpointError(f"duration is {duration:g} s; must be above 0")
+        self.require_velocity(vx, vy, wz, frame=frame, duration_s=duration)
         with self._moving(self._velocity(vx, vy, wz, frame), None, progress, stops) as motion:
-            while motion.time_s < duration_s:
-                motion.wait(duration_s - motion.time_s)
+            while motion.time_s < duration:
+                motion.wait(duration - motion.time_s)
             self._come_to_rest(motion)
         return motion.driven
 

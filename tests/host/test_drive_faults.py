@@ -25,7 +25,7 @@ DRIVES: dict[str, Callable[[SimulatedRobot], object]] = {
     "drive_to": lambda robot: robot.drive_to(3.0, 1.0),
     "drive_to with a speed": lambda robot: robot.drive_to(3.0, 1.0, speed=0.3),
     "turn_to": lambda robot: [robot.turn_to(heading) for heading in (1.5, 3.0, -1.5) * 10],
-    "drive": lambda robot: robot.drive(0.2, 0.0, 0.3, duration_s=30.0),
+    "drive": lambda robot: robot.drive(0.2, 0.0, 0.3, duration=30.0),
     "follow": lambda robot: robot.follow([(0.0, 0.0), (2.0, 0.0), (2.0, 2.0)], speed=0.3),
     "follow_trajectory": lambda robot: robot.follow_trajectory("circle"),
     "velocity": lambda robot: drive_on_and_back(robot),

@@ -24,7 +24,7 @@ NEAR_M = 0.01
 COAST_S = 3.0
 PATH = [(0.0, 0.0), (2.0, 0.0), (2.0, 2.0)]
 DRIVES: dict[str, Callable[[SimulatedRobot], object]] = {
-    "drive": lambda robot: robot.drive(0.1, 0.0, 0.0, duration_s=6.0),
+    "drive": lambda robot: robot.drive(0.1, 0.0, 0.0, duration=6.0),
     "drive_to": lambda robot: robot.drive_to(2.0, 0.0, speed=0.1),
     "turn_to": lambda robot: [robot.turn_to(heading) for heading in (1.5, 3.0, -1.5) * 10],
     "follow": lambda robot: robot.follow(PATH, speed=0.2),

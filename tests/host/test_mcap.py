@@ -28,7 +28,7 @@ def run() -> Run:
     with sync.simulate("fast_three_wheel") as robot:
         robot.parameters["LIM_V"] = 0.3
         robot.arm()
-        robot.drive(0.2, 0.0, 0.5, duration_s=2.0)
+        robot.drive(0.2, 0.0, 0.5, duration=2.0)
         return robot.run
 
 

@@ -77,7 +77,7 @@ def test_a_goal_in_the_body_frame_is_ahead_of_the_robot(robot: SimulatedRobot) -
 
 @pytest.mark.full
 def test_a_drive_lasts_as_long_as_it_should_and_ends_at_rest(robot: SimulatedRobot) -> None:
-    drive = robot.drive(0.2, 0.1, 0.0, duration_s=1.0)
+    drive = robot.drive(0.2, 0.1, 0.0, duration=1.0)
     assert drive.poses[-1] == pytest.approx([0.2, 0.1, 0.0], abs=0.02)
     assert rests(robot)
 
@@ -139,7 +139,7 @@ def test_progress_is_told_while_it_drives(robot: SimulatedRobot) -> None:
 @pytest.mark.full
 def test_what_cannot_be_is_refused_with_limit_and_numbers(robot: SimulatedRobot) -> None:
     with pytest.raises(LimitError) as caught:
-        robot.drive(9.0, 0.0, 0.0, duration_s=1.0)
+        robot.drive(9.0, 0.0, 0.0, duration=1.0)
     assert caught.value.limit in ("LIM_V", "LIM_WHEEL", "motors")
     assert caught.value.asked == 9.0
     assert 0.5 < caught.value.possible < 9.0
@@ -244,7 +244,7 @@ def test_a_profile_goes_from_start_to_goal_within_its_limits(
 
 @pytest.mark.full
 def test_a_drive_with_a_velocity_has_no_error_and_one_to_a_pose_has(robot: SimulatedRobot) -> None:
-    drive = robot.drive(0.2, 0.0, 0.0, duration_s=0.5)
+    drive = robot.drive(0.2, 0.0, 0.0, duration=0.5)
     assert drive.largest_error_m is None
     assert drive.errors is None
     way = robot.drive_to(0.0, 0.0)

@@ -26,7 +26,7 @@ KINDS = (".csv", ".npz", ".tlog")
 def run() -> Run:
     with sync.simulate() as robot:
         robot.arm()
-        robot.drive(0.2, 0.0, 0.5, duration_s=1.0)
+        robot.drive(0.2, 0.0, 0.5, duration=1.0)
         return robot.run
 
 

@@ -45,7 +45,7 @@ def test_another_world_takes_the_place_of_ours() -> None:
     scenario = load_scenario("ideal", "fast_three_wheel").with_world({"fix_rate_Hz": 0.0})
     with sync.simulate(world=TinyWorld(scenario), scenario=scenario, record=False) as robot:
         robot.arm()
-        robot.drive(0.2, 0.0, 0.0, duration_s=0.5)
+        robot.drive(0.2, 0.0, 0.0, duration=0.5)
         assert robot.simulation.true_pose.x > 0.05
 
 
@@ -135,7 +135,7 @@ def test_without_an_address_the_only_teensy_is_opened(monkeypatch: pytest.Monkey
 def test_the_run_holds_the_truth_over_time() -> None:
     with sync.simulate() as robot:
         robot.arm()
-        robot.drive(0.3, 0.0, 0.4, duration_s=2.0)
+        robot.drive(0.3, 0.0, 0.4, duration=2.0)
         run = robot.run
     assert run.truth is not None
     assert run.truth_time_s is not None
