@@ -223,10 +223,10 @@ def test_undone_over_a_restart_of_the_robot(tmp_path: Path, monkeypatch: pytest.
         port = url.rpartition(":")[2]
     with FirmwareProcess("three_wheel", storage=storage, links=[f"tcp:127.0.0.1:{port}"]) as firmware:
         url = firmware.urls[0]
-        entries = json.loads(omni("params", "undo", "--list", "--json", "--link", url))["entries"]
+        entries = json.loads(omni("params", "undo", "--history", "--json", "--link", url))["entries"]
         assert [entry["why"] for entry in entries] == ["first try", ""]
         assert [entry["stored"] for entry in entries] == [True, True]
-        assert "first try" in omni("params", "undo", "--list", "--link", url)
+        assert "first try" in omni("params", "undo", "--history", "--link", url)
         told = json.loads(omni("params", "undo", "1", "--json", "--link", url))
         assert set(told) == set(old)
         with connect(url) as robot:
@@ -244,9 +244,9 @@ def test_a_try_that_was_kept_has_its_figures(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setenv("OMNI_STATE_DIR", str(tmp_path / "state"))
     words = ["--set", "ISMC_LAM_XY=5", "-e", "step", "--size", "0.02", "--duration", "3", "--out", str(tmp_path)]
     omni("tune", "--link", sitl, *words, "--revert", "--json")
-    assert json.loads(omni("params", "undo", "--list", "--json", "--link", sitl))["entries"] == []
+    assert json.loads(omni("params", "undo", "--history", "--json", "--link", sitl))["entries"] == []
     omni("tune", "--link", sitl, *words, "--keep", "--why", "softer", "--json")
-    (entry,) = json.loads(omni("params", "undo", "--list", "--json", "--link", sitl))["entries"]
+    (entry,) = json.loads(omni("params", "undo", "--history", "--json", "--link", sitl))["entries"]
     assert entry["why"] == "softer"
     assert list(entry["changes"]) == ["ISMC_LAM_XY"]
     assert len(entry["figures"]["position_m"]) == 2

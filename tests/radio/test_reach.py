@@ -22,7 +22,7 @@ STORE = mavlink.MAV_CMD_PREFLIGHT_STORAGE
 ACCEPTED = mavlink.MAV_RESULT_ACCEPTED
 STOPPED = 4
 SLOT_BYTES = (1080 - 192) // 2
-HEADER_BYTES, ENTRY_BYTES = 16, 6
+HEADER_BYTES, ENTRY_BYTES = 12, 6
 
 
 def target(name: str, value: float) -> int:

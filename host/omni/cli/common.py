@@ -90,7 +90,10 @@ TimeoutOption = Annotated[float, typer.Option("--timeout", min=0.1, metavar="S",
 WhyOption = Annotated[
     str,
     typer.Option(
-        "--why", metavar="TEXT", help="Comment on the change, shown by `omni params undo --list`.", show_default=False
+        "--why",
+        metavar="TEXT",
+        help="Comment on the change, shown by `omni params undo --history`.",
+        show_default=False,
     ),
 ]
 JsonOption = Annotated[

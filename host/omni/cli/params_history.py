@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""``omni params undo``: back to an earlier state of a robot's parameters; with ``--list``, what was changed."""
+"""``omni params undo``: back to an earlier state of a robot's parameters; with ``--history``, what was changed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from omniwheel.robots import parameter_table
 if TYPE_CHECKING:
     from omniwheel.history import Entry, RobotHistory
 
-UNDO_EXAMPLES = examples("omni params undo --list", "omni params undo", "omni params undo 3 --store")
+UNDO_EXAMPLES = examples("omni params undo --history", "omni params undo", "omni params undo 3 --store")
 
 
 def _print_history(kept: RobotHistory, as_json: bool) -> None:
@@ -81,7 +81,7 @@ def undo(
         typer.Argument(help="Number of the history entry to undo. Default: the last one.", show_default=False),
     ] = None,
     list_only: Annotated[
-        bool, typer.Option("--list", help="List the changes instead: when, by whom, how and why.")
+        bool, typer.Option("--history", help="List the changes instead: when, by whom, how and why.")
     ] = False,
     store: StoreOption = False,
     why: WhyOption = "",

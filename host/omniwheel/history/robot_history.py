@@ -114,7 +114,9 @@ class RobotHistory:
         entries = self.entries()
         if not 1 <= number <= len(entries):
             known = f"its entries are 1 to {len(entries)}" if entries else "the history is empty"
-            raise HistoryError(f"the history has no entry {number}: {known}", hint="omni params undo --list lists them")
+            raise HistoryError(
+                f"the history has no entry {number}: {known}", hint="omni params undo --history lists them"
+            )
         values: dict[str, float] = {}
         for entry in entries[number - 1 :]:
             for name, (before, _) in entry.changes.items():

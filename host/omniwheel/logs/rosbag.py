@@ -28,7 +28,7 @@ POSES = {
     "geometry_msgs/msg/TransformStamped": ("transform",),
 }
 """Message types that are poses, and where in the message the pose is."""
-FILES = (".mcap", ".bag")
+MCAP_MAGIC = b"\x89MCAP0\r\n"
 TOPICS_SHOWN = 20
 HEADER, RECEIVED = "header", "received"
 CLOCKS = (HEADER, RECEIVED)
@@ -56,8 +56,19 @@ class BagPoses:
 
 
 def is_bag(path: Path) -> bool:
-    """Say whether a path is a ROS bag: a folder with metadata.yaml, an .mcap or a .bag file."""
-    return (path / "metadata.yaml").is_file() or (path.suffix in FILES and path.is_file())
+    """Say whether a path is a ROS bag: a folder with metadata.yaml, an .mcap file of ROS, or a .bag file."""
+    if (path / "metadata.yaml").is_file():
+        return True
+    return path.is_file() and (path.suffix == ".bag" or (path.suffix == ".mcap" and _profile(path).startswith(b"ros")))
+
+
+def _profile(path: Path) -> bytes:
+    """Return the profile of an MCAP file, which its header begins with: ros1, ros2, or empty. Raises OSError."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    at = len(MCAP_MAGIC) + 1 + 8  # a record's opcode and length
+    length = int.from_bytes(head[at : at + 4], "little")
+    return head[at + 4 : at + 4 + length] if head.startswith(MCAP_MAGIC) else b""
 
 
 def read_bag(
