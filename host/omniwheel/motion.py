@@ -52,9 +52,8 @@ class MovingRobot(RobotBase):
     """Number of the latest motion. One that finds another number here has been replaced."""
     _latest_call = ""
     """What began with the latest number: another motion, or a method that stops."""
-    _stops = 0
     _latest_stop = ""
-    """How many methods that stop have been called, and the last: one that comes before a motion begins ends it, too."""
+    """The last of the methods that stop: one that comes before a motion begins ends it, too."""
     _stream: Callable[[], None] | None = None
     """The setpoint that is repeated for the latest motion."""
 
@@ -421,11 +420,15 @@ class MovingRobot(RobotBase):
         """Return what has taken the place of the motion of a number; "" if nothing has."""
         return self._latest_call if self._motion != number else ""
 
+    def _require_no_stop_since(self, stops: int) -> None:
+        if stops != self._stops:
+            raise ended_by(self._latest_stop)
+
     def _begin(self, call: str = _ANOTHER_MOTION, stops: int | None = None) -> int:
         """Return the number of a new motion; ``call`` is what ended the one before."""
         with self.connection.monitor:
-            if stops is not None and stops != self._stops:
-                raise ended_by(self._latest_stop)
+            if stops is not None:
+                self._require_no_stop_since(stops)
             self._motion += 1
             self._latest_call = call
             if call != _ANOTHER_MOTION:

@@ -57,6 +57,9 @@ Self = TypeVar("Self", bound="RobotBase")
 class RobotBase:
     """The part of :class:`omniwheel.Robot` that is one message, one command or one repeated setpoint per call."""
 
+    _stops = 0
+    """How many methods that stop have been called."""
+
     def __init__(self, connection: Connection, *, table: ParameterTable, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
         self.connection = connection
         self.timeout_s = timeout_s
@@ -95,6 +98,9 @@ class RobotBase:
 
     def _end_stream(self) -> None:
         """End what a motion repeats, before the program asks for something else."""
+
+    def _require_no_stop_since(self, stops: int) -> None:
+        """Raise StoppedError if this program has stopped the robot since there were so many stops."""
 
     def pump(self, duration_s: float = 0.0) -> None:
         """Serve the link for ``duration_s`` of the link's clock; 0 takes what is there."""
@@ -305,14 +311,16 @@ class RobotBase:
     def repeat(self, action: Callable[[], None], duration_s: float) -> None:
         """Call one of the ``set_`` methods again and again for ``duration_s``. No limit is checked here.
 
-        Raises StoppedError once the robot has stopped by itself, or another station or program has stopped it.
+        Raises StoppedError once the robot has stopped by itself, or anybody has stopped it.
         """
-        end = self.connection.clock() + finite("duration_s", duration_s)
+        end, stops = self.connection.clock() + finite("duration_s", duration_s), self._stops
         if self.status.armed:
             self.guard.join()
         while self.connection.clock() < end:
             self.guard.check()
-            action()
+            with self.connection.monitor:
+                self._require_no_stop_since(stops)
+                action()
             self.pump(min(SETPOINT_PERIOD_S, max(0.0, end - self.connection.clock())))
 
     def send_pose_fix(

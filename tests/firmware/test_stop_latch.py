@@ -321,6 +321,17 @@ def test_a_damaged_record_comes_up_stopped(robot: FakeRobot) -> None:
     check_still_stopped(robot)
 
 
+def test_a_stop_in_doubt_is_written_so_that_no_other_write_ends_it(robot: FakeRobot) -> None:
+    stopped(robot)
+    whole = robot.storage[-RECORD:]
+    content = bytearray(robot.storage)
+    content[-RECORD + 5] ^= 0x10
+    robot.storage = bytes(content)
+    robot.reset()
+    robot.tick(30)
+    assert robot.storage[-RECORD:] == whole
+
+
 def test_a_memory_that_takes_nothing_is_told(robot: FakeRobot) -> None:
     robot.driving()
     robot.storage_fate(0)

@@ -57,6 +57,30 @@ def test_a_motion_that_is_cancelled_brings_the_robot_to_rest() -> None:
     asyncio.run(main())
 
 
+@pytest.mark.parametrize("motion", ["repeat", "drive_duty"])
+def test_what_repeats_a_setpoint_is_cancelled_too(motion: str) -> None:
+    async def main() -> None:
+        async with aio.simulate() as robot:
+            await robot.parameters.set_many(PATIENT)
+            await robot.arm()
+            if motion == "repeat":
+                drive = asyncio.ensure_future(robot.repeat(lambda: robot.threaded.set_velocity(0.3, 0.0, 0.0), 20.0))
+            else:
+                drive = asyncio.ensure_future(robot.drive_duty([0.2, 0.2, 0.2], 20.0))
+            while abs(robot.pose.x) + abs(robot.pose.theta) < 0.05:
+                await asyncio.to_thread(pass_time)
+            drive.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await drive
+            before = robot.simulation.true_pose
+            await robot.sleep(1.0)
+            after = robot.simulation.true_pose
+            assert after.x == pytest.approx(before.x, abs=0.02)
+            assert after.theta == pytest.approx(before.theta, abs=0.05)
+
+    asyncio.run(main())
+
+
 def test_a_motion_that_is_cancelled_before_it_has_begun_does_not_drive() -> None:
     async def main() -> None:
         async with aio.simulate() as robot:

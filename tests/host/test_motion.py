@@ -18,6 +18,7 @@ from omniwheel import sync
 from omniwheel.errors import ArmingRefusedError, DriveError, LimitError, NotArrivedError, SetpointError
 from omniwheel.frames import Pose
 from omniwheel.motion_profile import profile
+from omniwheel.motion_watch import latest_tracking
 from omniwheel.simulation import SimulatedRobot
 
 SQUARE = [(0.5, 0.0), (0.5, 0.5), (0.0, 0.5), (0.0, 0.0)]
@@ -259,3 +260,9 @@ def test_arming_in_an_emergency_stop_says_how_to_release_it() -> None:
         with pytest.raises(ArmingRefusedError) as caught:
             robot.arm()
         assert "estop_clear()" in caught.value.hint
+
+
+@pytest.mark.parametrize("speed", [None, 0.1])
+def test_a_drive_to_where_it_is_ends_there(robot: SimulatedRobot, speed: float | None) -> None:
+    goal = latest_tracking(robot).reference
+    assert robot.drive_to(goal.x, goal.y, goal.theta, speed=speed).distance_m < 0.005

@@ -141,11 +141,13 @@ int flash_latch_boot(uint8_t *sectors) {
     return static_cast<int>(latch.boot());
 }
 
-/// Start, then store a stop or a release.
+/// Start with a pass of the background in the state that it came up in, then store a stop or a release.
 void flash_latch_save(uint8_t *sectors, int stopped, uint32_t cut, uint32_t word, uint32_t torn) {
     CutLog cut_log(sectors, cut, word, torn);
     StopLatch latch(cut_log.log);
-    latch.boot();
+    if (latch.boot() != StopLatch::AtBoot::released) {
+        latch.serve(true, false, false, 0);
+    }
     latch.serve(stopped != 0, true, true, 0);
 }
 }

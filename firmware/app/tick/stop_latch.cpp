@@ -29,7 +29,8 @@ StopLatch::AtBoot StopLatch::boot() {
     } else {
         at_boot_ = AtBoot::released;
     }
-    stored_ = at_boot_ != AtBoot::released;
+    // In doubt the stop is written before anything else: the next write of anybody would end the doubt.
+    stored_ = found == RecordStore::Result::ok && read_u32(content) != word_released;
     return at_boot_;
 }
 

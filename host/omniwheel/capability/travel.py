@@ -77,6 +77,8 @@ def profile_time_s(way: Profile) -> float:
     A setpoint of a robot that brakes is SETPOINT_AGE_S old on average: its velocity is too high by so much, and the
     reference runs ahead. That error decays with APPROACH_RATE.
     """
+    if way.ramp_s <= 0.0:  # it ends where it begins
+        return way.duration_s + ARRIVED_S + LAG_S
     steady_s = way.duration_s - way.ramp_s
     ahead = SETPOINT_AGE_S * (1.0 - math.exp(-APPROACH_RATE * way.ramp_s)) / (APPROACH_RATE * steady_s * way.ramp_s)
     distance_m = math.hypot(way.goal.x - way.start.x, way.goal.y - way.start.y)
