@@ -64,6 +64,15 @@ def test_arrow_keys_change_the_last_digit(page: Page) -> None:
     until(page, f"Math.abs(studio.parameters.value_of('{GAIN}') - 7.26) < 1e-5")
 
 
+def test_a_click_on_the_map_fills_a_field_that_had_a_problem(page: Page) -> None:
+    page.fill("#target-x", "abc")
+    page.press("#target-x", "Tab")
+    page.locator("#map").click()
+    until(page, "document.getElementById('target-x').value !== 'abc'")
+    until(page, f"{REFUSED}.every((text) => text === '')")
+    assert page.evaluate("document.getElementById('target-form').checkValidity()"), "Drive there is not blocked"
+
+
 FIELDS = ["#target-x", "#target-theta", "#draw-speed", "#laps", "#experiment-choices input"]
 
 

@@ -46,10 +46,16 @@ function parsed(field) {
 /** The number in a field; null: it is empty and may be; undefined: it has a problem. */
 export const number_in = (field) => parsed(field).value;
 
+/** Fill a field in place of the person; an old problem goes. */
+export function fill_number(field, text) {
+  field.value = text;
+  check(field, true);
+}
+
 /** Whether all fields have numbers; the first that has none gets the focus, and its problem is shown. */
 export function all_numbers(...fields) {
+  fields.forEach((field) => check(field, true));
   const wrong = fields.filter((field) => parsed(field).problem);
-  wrong.forEach((field) => check(field, true));
   wrong[0]?.focus();
   return wrong.length === 0;
 }
