@@ -67,10 +67,12 @@ def test_arrow_keys_change_the_last_digit(page: Page) -> None:
 def test_a_click_on_the_map_fills_a_field_that_had_a_problem(page: Page) -> None:
     page.fill("#target-x", "abc")
     page.press("#target-x", "Tab")
+    assert page.get_attribute("#target-x", "aria-invalid") == "true"
     page.locator("#map").click()
     until(page, "document.getElementById('target-x').value !== 'abc'")
     until(page, f"{REFUSED}.every((text) => text === '')")
     assert page.evaluate("document.getElementById('target-form').checkValidity()"), "Drive there is not blocked"
+    assert page.get_attribute("#target-x", "aria-invalid") == "false"
 
 
 FIELDS = ["#target-x", "#target-theta", "#draw-speed", "#laps", "#experiment-choices input"]

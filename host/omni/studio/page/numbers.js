@@ -77,7 +77,7 @@ function check(field, left) {
   field.setCustomValidity(problem); // its form is not sent
   if (problem && !left) return;
   if (field.dataset.ownProblem !== undefined) return; // who set it up shows it
-  field.toggleAttribute("aria-invalid", problem !== "");
+  field.setAttribute("aria-invalid", problem !== "");
   const place = field.closest("label") ?? field;
   let shown = place.nextElementSibling;
   if (!shown?.matches(".refusal.beside")) {
