@@ -31,7 +31,7 @@ from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
 from omniwheel.sensor_messages import RADIO_RATE_HZ, ask_for
 from omniwheel.sensor_quality import Sensor, sensors_of
-from omniwheel.telemetry import Control, Fix, StatusText, Telemetry, decode
+from omniwheel.telemetry import Control, Fix, Status, StatusText, Telemetry, decode
 
 _LOG = logging.getLogger(__name__)
 CONNECT_TIMEOUT_S = 3.0
@@ -306,7 +306,6 @@ class Session:
 
     def _watch_drive(self, robot: Robot) -> None:
         """Note why the drive that was begun here is over; setpoints are refused then."""
-        self.last_stop.update(robot.status)
         try:
             robot.guard.check()
         except StoppedError as error:
@@ -370,6 +369,8 @@ class Session:
                 assert telemetry is not None
                 with self.lock:
                     self._keep(telemetry)
+                if isinstance(telemetry, Status):
+                    self.last_stop.update(telemetry)
         text = decode(StatusText, message)
         if text is not None:
             self.last_stop.take(text)
