@@ -3,12 +3,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
+
+import pytest
 
 from omni.studio.last_stop import LastStop
 from omni.studio.session import Session
 from omniwheel.dialect import Message, mavlink
+from omniwheel.errors import LinkLostError
+from omniwheel.robot import Robot
 from omniwheel.telemetry import Status, StatusText
+from tests.firmware.client import firmware
+from tests.waiting import wait_until
 
 STATES = {"disarmed": 1, "armed": 2, "failsafe": 3, "estop": 4}
 CRITICAL = mavlink.MAV_SEVERITY_CRITICAL
@@ -64,6 +71,14 @@ def test_a_fault_that_joins_is_told_once() -> None:
     assert found["cause"] == "encoder, stall"
 
 
+@pytest.mark.parametrize("state", ["failsafe", "disarmed"])
+def test_the_texts_of_a_new_connection_explain_no_stop_that_was_known_before(state: str) -> None:
+    stop = LastStop()
+    after("armed", *ENCODER, "failsafe", stop=stop)
+    stop.expect_status()
+    assert after(CRASH, state, stop=stop) == encoder_stop()
+
+
 def test_a_stop_during_long_work_is_noted_though_the_sessions_loop_does_not_turn() -> None:
     """An experiment arms, is stopped and arms again, in one piece of work."""
     session = Session("fed")
@@ -72,3 +87,33 @@ def test_a_stop_during_long_work_is_noted_though_the_sessions_loop_does_not_turn
     for message in said:
         session._take(message)
     assert session.last_stop.as_json() == encoder_stop()
+
+
+def test_the_reason_outlives_a_lost_link_but_not_another_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("omni.studio.session.RETRY_S", 0.01)
+
+    def lose_link(_: Robot) -> None:
+        raise LinkLostError("planted")
+
+    def reconnect() -> None:
+        before = session.connections
+        session.do(lose_link).exception(timeout=30.0)
+        wait_until(lambda: session.connections > before, "it does not connect again")
+
+    with firmware() as robot:
+        session = Session(robot.links[0])
+        session.start()
+        try:
+            wait_until(lambda: session.phase == "connected", lambda: f"no robot: {session.trouble}")
+            session.do(Robot.estop).result(timeout=30.0)
+            wait_until(lambda: session.last_stop.as_json() is not None, "the stop is not noted")
+            session.do(Robot.estop_clear).result(timeout=30.0)
+            reconnect()
+            stop = session.last_stop.as_json()
+            assert stop is not None
+            assert stop["state"] == "estop"
+            session.history = Path("of another robot")
+            reconnect()
+            assert session.last_stop.as_json() is None
+        finally:
+            session.close()

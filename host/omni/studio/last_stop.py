@@ -17,7 +17,7 @@ _STOPPED = ("failsafe", "estop")
 
 
 class LastStop:
-    """Watches a robot's state and texts; one object per connection."""
+    """Watches a robot's state and texts; one object per robot."""
 
     def __init__(self) -> None:
         self._state = ""
@@ -36,12 +36,17 @@ class LastStop:
         else:
             self._early = _with(self._early, text.text)
 
+    def expect_status(self) -> None:
+        """Begin a connection to the same robot: its first texts explain no stop that is known already."""
+        self._present, self._early = "", []
+
     def update(self, status: Status) -> None:
         """Note a stop; forget it when the robot is armed. Call it for each status message: a drive may be short."""
         if status.state == "armed":
             self._state, self._texts, self._faults = "", [], ()
-        elif status.state in _STOPPED and status.state != self._present:
-            if self._present not in _STOPPED:
+        before = self._present or self._state
+        if status.state in _STOPPED and status.state != before:
+            if before not in _STOPPED:
                 self._texts = self._early
             self._state, self._faults = status.state, status.faults
         self._present, self._early = status.state, []

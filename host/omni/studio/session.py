@@ -26,7 +26,7 @@ from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log import is_slow
 from omniwheel.errors import CommandRefusedError, LinkError, LinkLostError, OmniError, StoppedError
-from omniwheel.history import ChangeRecorder, history_of
+from omniwheel.history import ChangeRecorder, RobotHistory, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
 from omniwheel.sensor_messages import RADIO_RATE_HZ, ask_for
@@ -268,10 +268,13 @@ class Session:
             robot.require_same_parameters()
             robot.connection.add_listener(self._take)
             robot.connection.on_other_robot = self._say_other
-            self.last_stop = LastStop()
+            history = history_of(robot)
+            if history.path != self.history:
+                self.last_stop = LastStop()  # of another robot
+            self.last_stop.expect_status()
             robot.parameters.download()
             self.edits = Edits(robot.parameters)
-            self._keep_history(robot)
+            self._keep_history(robot, history)
             begin_telemetry(robot)
             self.sensors = sensors_of(robot.parameters.known)
             self.connections += 1
@@ -388,8 +391,7 @@ class Session:
         if isinstance(telemetry, Control):
             self.mark_changes += self.marks.sequence(telemetry.config_sequence, time_s) is not None
 
-    def _keep_history(self, robot: Robot) -> None:
-        history = history_of(robot)
+    def _keep_history(self, robot: Robot, history: RobotHistory) -> None:
         self.history = history.path
         recorder = ChangeRecorder(robot, history, "omni studio", "", self._warn)
         write = recorder.changed
