@@ -110,6 +110,27 @@ def test_another_robot_begins_without_marks(open_page: Opener) -> None:
         until(page, "studio.map.marked.length > 0 && !studio.map.marked.some(({ x }) => x === 9)")
 
 
+POINTED = """(pointerType) => {
+  const canvas = document.getElementById("map"), { on } = studio.map, { target } = on;
+  const how = { pointerType, pointerId: 1, isPrimary: true, button: 0, bubbles: true };
+  let targets = 0;
+  on.target = () => { targets += 1; };
+  canvas.setPointerCapture = () => {}; // of a pointer that is there
+  for (const type of ["pointerdown", "pointerup"]) canvas.dispatchEvent(new PointerEvent(type, how));
+  canvas.dispatchEvent(new MouseEvent("click", { button: 0, bubbles: true }));
+  on.target = target;
+  delete canvas.setPointerCapture;
+  return targets;
+}"""
+"""How often a click sets a target in a browser whose click does not say what pointed."""
+
+
+def test_a_click_sets_one_target_whatever_points(shared_page: Page) -> None:
+    until(shared_page, "state")
+    pointers = ["touch", "mouse", "touch", "pen"]
+    assert [shared_page.evaluate(POINTED, pointer) for pointer in pointers] == [1, 1, 1, 1]
+
+
 def numpy_ellipse(covariance: np.ndarray) -> tuple[float, float, float]:
     """Half axes [m] and the longer one's angle in 0..pi, by the eigenvectors."""
     variance, vectors = np.linalg.eigh(covariance)

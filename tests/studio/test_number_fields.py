@@ -64,6 +64,49 @@ def test_arrow_keys_change_the_last_digit(page: Page) -> None:
     until(page, f"Math.abs(studio.parameters.value_of('{GAIN}') - 7.26) < 1e-5")
 
 
+STEPS = [
+    ("1e-7", "ArrowUp", "2e-7"),
+    ("1.5E-7", "ArrowDown", "1.4e-7"),
+    ("9.9e3", "ArrowUp", "10.0e3"),
+    ("7.50", "ArrowUp", "7.51"),
+    ("12,5", "ArrowDown", "12.4"),
+    ("-0.1", "ArrowUp", "0.0"),
+    ("0.1234567890123456", "ArrowUp", "0.1234567890123456"),
+]
+
+
+@pytest.mark.parametrize(("typed", "key", "then"), STEPS)
+def test_a_step_is_one_of_the_last_digit_as_it_was_typed(page: Page, typed: str, key: str, then: str) -> None:
+    page.fill("#target-x", typed)
+    page.press("#target-x", key)
+    assert page.input_value("#target-x") == then
+
+
+def test_a_step_keeps_a_field_in_its_range(page: Page) -> None:
+    page.fill("#laps", "1")
+    page.press("#laps", "ArrowDown")
+    assert page.input_value("#laps") == "1"
+    page.fill("#draw-speed", "0.012")
+    for _ in range(3):
+        page.press("#draw-speed", "ArrowDown")
+    assert page.input_value("#draw-speed") == "0.01"
+    page.fill("#draw-speed", "1e3")
+    page.press("#draw-speed", "ArrowUp")
+    assert page.input_value("#draw-speed") == "2e3"
+    page.fill("#draw-speed", "0.2")
+
+
+def test_a_click_on_the_map_fills_a_field_that_had_a_problem(page: Page) -> None:
+    page.fill("#target-x", "abc")
+    page.press("#target-x", "Tab")
+    assert page.get_attribute("#target-x", "aria-invalid") == "true"
+    page.locator("#map").click()
+    until(page, "document.getElementById('target-x').value !== 'abc'")
+    until(page, f"{REFUSED}.every((text) => text === '')")
+    assert page.evaluate("document.getElementById('target-form').checkValidity()"), "Drive there is not blocked"
+    assert page.get_attribute("#target-x", "aria-invalid") == "false"
+
+
 FIELDS = ["#target-x", "#target-theta", "#draw-speed", "#laps", "#experiment-choices input"]
 
 

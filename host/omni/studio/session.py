@@ -26,12 +26,12 @@ from omniwheel.connection import Recorder
 from omniwheel.dialect import Message, mavlink
 from omniwheel.drive_log import is_slow
 from omniwheel.errors import CommandRefusedError, LinkError, LinkLostError, OmniError, StoppedError
-from omniwheel.history import ChangeRecorder, history_of
+from omniwheel.history import ChangeRecorder, RobotHistory, history_of
 from omniwheel.hub.shared_link import open_shared
 from omniwheel.robot import FORCE, Robot, connect
 from omniwheel.sensor_messages import RADIO_RATE_HZ, ask_for
 from omniwheel.sensor_quality import Sensor, sensors_of
-from omniwheel.telemetry import Control, Fix, StatusText, Telemetry, decode
+from omniwheel.telemetry import Control, Fix, Status, StatusText, Telemetry, decode
 
 _LOG = logging.getLogger(__name__)
 CONNECT_TIMEOUT_S = 3.0
@@ -268,10 +268,13 @@ class Session:
             robot.require_same_parameters()
             robot.connection.add_listener(self._take)
             robot.connection.on_other_robot = self._say_other
-            self.last_stop = LastStop()
+            history = history_of(robot)
+            if history.path != self.history:
+                self.last_stop = LastStop()  # of another robot
+            self.last_stop.expect_status()
             robot.parameters.download()
             self.edits = Edits(robot.parameters)
-            self._keep_history(robot)
+            self._keep_history(robot, history)
             begin_telemetry(robot)
             self.sensors = sensors_of(robot.parameters.known)
             self.connections += 1
@@ -306,7 +309,6 @@ class Session:
 
     def _watch_drive(self, robot: Robot) -> None:
         """Note why the drive that was begun here is over; setpoints are refused then."""
-        self.last_stop.update(robot.status)
         try:
             robot.guard.check()
         except StoppedError as error:
@@ -370,6 +372,8 @@ class Session:
                 assert telemetry is not None
                 with self.lock:
                     self._keep(telemetry)
+                if isinstance(telemetry, Status):
+                    self.last_stop.update(telemetry)
         text = decode(StatusText, message)
         if text is not None:
             self.last_stop.take(text)
@@ -387,8 +391,7 @@ class Session:
         if isinstance(telemetry, Control):
             self.mark_changes += self.marks.sequence(telemetry.config_sequence, time_s) is not None
 
-    def _keep_history(self, robot: Robot) -> None:
-        history = history_of(robot)
+    def _keep_history(self, robot: Robot, history: RobotHistory) -> None:
         self.history = history.path
         recorder = ChangeRecorder(robot, history, "omni studio", "", self._warn)
         write = recorder.changed

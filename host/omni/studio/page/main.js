@@ -9,7 +9,7 @@ import { Flasher } from "./flasher.js";
 import { Gamepad } from "./gamepad.js";
 import { Keys } from "./keys.js";
 import { FloorMap } from "./map.js";
-import { all_numbers, number_in, watch_numbers } from "./numbers.js";
+import { all_numbers, fill_number, number_in, watch_numbers } from "./numbers.js";
 import { ParameterList } from "./parameters.js";
 import { Plots } from "./plots.js";
 import { Runs } from "./runs.js";
@@ -97,7 +97,7 @@ function tables({ again, signals, view, wheels, radius_m, speed, paths, path, ..
   map.wheels = wheels;
   map.radius = radius_m;
   if (!again) {
-    id("draw-speed").value = (speed.v / 2).toPrecision(2);
+    fill_number(id("draw-speed"), (speed.v / 2).toPrecision(2));
     map.clear();
   }
   id("path").replaceChildren(...paths.map((name) => new Option(name, name)));
@@ -309,9 +309,9 @@ id("cancel").onclick = () => { map.cancel(); ask("velocity", { vx: 0, vy: 0, wz:
 id("target-form").onsubmit = (event) => { event.preventDefault(); start_going(); };
 
 function fill_target({ x, y, theta }) {
-  id("target-x").value = x.toFixed(3);
-  id("target-y").value = y.toFixed(3);
-  id("target-theta").value = degrees(theta);
+  fill_number(id("target-x"), x.toFixed(3));
+  fill_number(id("target-y"), y.toFixed(3));
+  fill_number(id("target-theta"), degrees(theta));
 }
 
 /** Whether this page may move the robot now; if not, it says what to do first. */

@@ -32,6 +32,7 @@ export class FloorMap {
   #stale = true;
   #drawing = false;
   #drew = false; // the finger that is down, or was last
+  #touched = false; // by a finger, not a mouse: not every browser says it with the click
 
   constructor(canvas, socket, on) {
     this.canvas = canvas;
@@ -46,7 +47,8 @@ export class FloorMap {
     canvas.addEventListener("pointerdown", (event) => {
       if (event.button !== 0 || !event.isPrimary) return; // a right click or a second finger moves no robot
       this.#drew = this.drawing;
-      if (event.pointerType === "touch" && !this.drawing) return; // it may begin to scroll the page: see "click"
+      this.#touched = event.pointerType === "touch";
+      if (this.#touched && !this.drawing) return; // it may begin to scroll the page: see "click"
       const [x, y] = this.#floor(event);
       canvas.setPointerCapture(event.pointerId);
       if (this.drawing) this.#draw_from(x, y);
@@ -69,7 +71,7 @@ export class FloorMap {
       else if (this.drawing && this.#drawn.length > 1) this.on.drawn(this.#drawn);
     });
     canvas.addEventListener("click", (event) => { // a finger's tap: neither a swipe nor what ends a scroll is one
-      if (event.pointerType !== "touch" || this.#drew) return;
+      if (!this.#touched || this.#drew) return;
       const [x, y] = this.#floor(event);
       this.on.target({ x, y, theta: this.heading });
     });

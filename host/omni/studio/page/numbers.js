@@ -6,6 +6,7 @@ const NUMBER = /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i;
 const DECIMAL_COMMA = /^[+-]?\d*,\d+$/;
 const GROUPED = /^[+-]?[1-9]\d{0,2},\d{3}$/; // 1,500 is 1.5 to some people and 1500 to others
 const FIELDS = "input.number";
+const MOST_DIGITS = 15; // the last of more is lost in a number
 
 /**
  * Read a number as it was typed: {value}, null for an empty optional field, or {problem}.
@@ -46,10 +47,16 @@ function parsed(field) {
 /** The number in a field; null: it is empty and may be; undefined: it has a problem. */
 export const number_in = (field) => parsed(field).value;
 
+/** Fill a field in place of the person; an old problem goes. */
+export function fill_number(field, text) {
+  field.value = text;
+  check(field, true);
+}
+
 /** Whether all fields have numbers; the first that has none gets the focus, and its problem is shown. */
 export function all_numbers(...fields) {
+  fields.forEach((field) => check(field, true));
   const wrong = fields.filter((field) => parsed(field).problem);
-  wrong.forEach((field) => check(field, true));
   wrong[0]?.focus();
   return wrong.length === 0;
 }
@@ -71,7 +78,7 @@ function check(field, left) {
   field.setCustomValidity(problem); // its form is not sent
   if (problem && !left) return;
   if (field.dataset.ownProblem !== undefined) return; // who set it up shows it
-  field.toggleAttribute("aria-invalid", problem !== "");
+  field.setAttribute("aria-invalid", problem !== "");
   const place = field.closest("label") ?? field;
   let shown = place.nextElementSibling;
   if (!shown?.matches(".refusal.beside")) {
@@ -89,9 +96,14 @@ function step(event, steps) {
   const value = number_in(field);
   if (value == null) return;
   event.preventDefault();
-  const digits = field.dataset.whole === undefined ? String(value).split(".")[1]?.length ?? 0 : 0;
-  const { min = -Infinity, max = Infinity } = field.dataset;
-  field.value = Math.min(Number(max), Math.max(Number(min), value + steps * 10 ** -digits)).toFixed(digits);
+  const { min = -Infinity, max = Infinity, whole } = field.dataset;
+  const typed = whole === undefined ? field.value.trim().replace("−", "-").replace(",", ".") : String(value);
+  const [shown, power = "0"] = typed.toLowerCase().split("e");
+  if (shown.replace(/\D/g, "").length > MOST_DIGITS) return;
+  const decimals = shown.split(".")[1]?.length ?? 0;
+  const digits = (Number(shown) + steps * 10 ** -decimals).toFixed(decimals);
+  const changed = Number(power) === 0 ? digits : `${digits}e${power}`;
+  field.value = Number(changed) > max ? max : Number(changed) < min ? min : changed;
   for (const type of ["input", "change"]) field.dispatchEvent(new Event(type, { bubbles: true }));
 }
 
