@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from omni.studio.actions import BadRequestError
+from omni.studio.actions import BadRequestError, number_of
 from omni.studio.processors import EMULATED, IMAGE, PC, SHORT
 from omniwheel.errors import FirmwareStartError, LinkError
 
@@ -161,11 +161,12 @@ def _command(catalogue: Mapping[str, Any], request: Mapping[str, Any]) -> dict[s
         raise BadRequestError(f"unknown fault {name!r}")
     if not isinstance(on, bool):
         raise BadRequestError(f"on must be true or false, not {on!r}")
+    duration = {"duration_s": number_of(request, "duration_s")} if "duration_s" in request else {}
     if not fault["wheels"]:
-        return {"fault": name, "on": on}
+        return {"fault": name, "on": on, **duration}
     if isinstance(wheel, bool) or wheel not in fault["wheels"]:
         raise BadRequestError(f"unknown wheel {wheel!r}")
-    return {"fault": name, "wheel": wheel, "on": on}
+    return {"fault": name, "wheel": wheel, "on": on, **duration}
 
 
 def _why(answer: str, said: str) -> FirmwareStartError:

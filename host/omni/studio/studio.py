@@ -437,12 +437,17 @@ class Studio:
             "last_stop": None if session is None else session.last_stop.as_json(),
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
-            "bring_up": self.bring_up.state(),
+            "bring_up": self.bring_up.state(self._faults()),
             "undo": undo,
             "redo": redo,
             "commands": self._who_commands(page),
             "pages": len(self.pages),
         }
+
+    def _faults(self) -> list[str]:
+        """Return the faults that a page can switch in the simulated world."""
+        world = None if self.simulated is None else self.simulated.catalogue
+        return [] if world is None else [fault["name"] for fault in world["faults"]]
 
     def _who_commands(self, page: Page | None) -> str:
         if self.commanding is None:

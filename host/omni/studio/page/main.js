@@ -63,8 +63,8 @@ const map = new FloorMap(id("map"), socket, {
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
 const drawn = new DrawnPath(map, ask, { armed, begin: begin_path });
-const experiments = new Experiments(socket);
-const bring_up = new BringUp(socket);
+const experiments = new Experiments(socket, ask);
+const bring_up = new BringUp(socket, ask);
 const simulator = new Simulator(id("simulator"), ask);
 const velocity = new HeldVelocity(socket, {
   refused: say, begins: () => map.cancel(), moving: (words) => put("key-text", words) });
