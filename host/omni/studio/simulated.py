@@ -10,6 +10,7 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from omni.studio.actions import BadRequestError, number_of
@@ -48,14 +49,16 @@ class Simulation:
 class SimulatedRobot:
     """A firmware with its world in real time, until :meth:`close`. Raises FirmwareStartError if it does not start.
 
+    ``memory`` is the file of its non-volatile memory. Without one it forgets what it stores.
     ``catalogue`` has what can be broken and how fast the world can run, in words, as ``omni sitl --commands`` says.
     It is None for the flashed image, whose world takes no commands. ``now`` is what is on. It is None until the world
     has said so.
     """
 
-    def __init__(self, wanted: Simulation) -> None:
+    def __init__(self, wanted: Simulation, memory: Path | None = None) -> None:
         self.wanted = wanted
         command = [sys.executable, "-m", "omni", *wanted.command()]
+        command += [] if memory is None else ["--storage", str(memory)]
         self.now: dict[str, Any] | None = None
         self.refusal = ""
         """What the world said last against a command."""

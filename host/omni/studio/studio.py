@@ -37,6 +37,7 @@ from omni.studio.signals import (
     signals_as_json,
 )
 from omni.studio.simulated import SimulatedRobot, Simulation
+from omni.studio.simulated_memory import SimulatedMemory
 from omni.studio.spectra import spectrum
 from omni.studio.state import fix_as_json, link_state, robot_state, shape_as_json
 from omni.studio.views import checked_view, read_view, view_file, write_view
@@ -93,6 +94,7 @@ class Studio:
         self.bring_up = BringUp(out)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
+        self.simulated_memory = SimulatedMemory()
         self.pages: list[Page] = []
         self.commanding: Page | None = None
         self._numbers = itertools.count(1)
@@ -168,12 +170,15 @@ class Studio:
         """Let go of everything; a recording gets its figures before."""
         self.flasher.close()
         self.disconnect()
+        self.simulated_memory.close()
         self.recorder.close()
         self.worker.close()
 
     def simulate(self, wanted: Simulation) -> None:
         """Start a simulated robot and connect to it. Raises FirmwareStartError; the robot before is kept then."""
-        started = SimulatedRobot(wanted)
+        memory = self.simulated_memory.copy_for(wanted)
+        started = SimulatedRobot(wanted, memory)
+        self.simulated_memory.keep(wanted, memory)
         self.disconnect()
         self.simulated = started
         self._begin(self.simulated.url)

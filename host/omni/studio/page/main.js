@@ -266,7 +266,9 @@ id("release").onclick = () => ask("release");
 id("take-over").onclick = () => ask("take_over");
 for (const name of ["undo", "redo"]) id(name).onclick = () => ask(name);
 id("store").onclick = async () => {
-  if (await ask("store") !== undefined) say("Stored in the robot's flash.");
+  if (await ask("store") === undefined) return;
+  say(state?.simulated ? "Stored: the simulated robot keeps it, also restarted, until omni studio ends."
+    : "Stored in the robot's flash.");
 };
 id("save").href = `parameters.toml?token=${encodeURIComponent(socket.token)}`;
 id("load").onchange = async (event) => {
