@@ -66,8 +66,8 @@ def tune(robot: Robot, room_m: float, rounds: int, tell: Callable[[str], None]) 
     """Measure the robot, choose its gains, try them, keep them or go back. Raises AutotuneError and what it raises."""
     tell(
         f"drives by itself for some minutes in a square of side {room_m:g} m around where it stands. First slowly, then"
-        " at up to 70 % of its limits. It keeps the new gains if it drives better with them, or if the old ones hardly"
-        " damp it"
+        " at up to 70 % of its limits. It keeps the new gains if it drives better with them; afterwards you can choose"
+        " otherwise"
     )
     settings = Settings(room_m, rounds=rounds)
     return Tuned(autotune(robot, settings, True, tell), settings, robot.table)
