@@ -5,6 +5,7 @@ A command is one line with a JSON object, one of::
 
     {"fault": "encoder_stuck", "wheel": 1, "on": true}     wheel from 1, where the fault is one wheel's
     {"fault": "battery_sag", "on": true, "value": 7.5}     value may be left out; "on": false ends it
+    {"fault": "wheel_turned", "wheel": 1, "on": true, "duration_s": 2}     it ends by itself, in simulated time
     {"mend": true}                                         end all faults that are on
     {"speed": 0.25}                                        times real time, one of SPEEDS
 """
@@ -53,6 +54,7 @@ class _Switch:
     wheel: int | None
     on: bool
     value: float
+    duration_s: float = math.inf
 
 
 class LiveWorld:
@@ -154,7 +156,7 @@ class LiveWorld:
             if fault.start_s > now_s or (fault.stop_s > now_s and (fault.name, fault.wheel) != (switch.name, wheel))
         ]
         if switch.on:
-            faults.append(Fault(switch.name, now_s, wheel=wheel, value=switch.value))
+            faults.append(Fault(switch.name, now_s, now_s + switch.duration_s, wheel=wheel, value=switch.value))
         self._set_faults(faults)
 
     def _set_faults(self, faults: Sequence[Fault]) -> None:
@@ -168,20 +170,21 @@ class LiveWorld:
         self._icy = icy
 
     def _parse_switch(self, command: Mapping[str, Any]) -> _Switch:
-        refuse_unknown_keys("command", "", command, ["fault", "wheel", "on", "value"])
+        refuse_unknown_keys("command", "", command, ["fault", "wheel", "on", "value", "duration_s"])
         name, on, wheel = command["fault"], command.get("on"), command.get("wheel")
         if not isinstance(name, str) or name not in self._known:
             hint = did_you_mean(name, self._known) if isinstance(name, str) else ""
             raise SchemaError("command", "fault", f"is {name!r}{hint}; must be one of {', '.join(self._known)}")
         if not isinstance(on, bool):
             raise SchemaError("command", "on", f"is {on!r}; must be true or false")
+        duration_s = _duration_s(name, on, command.get("duration_s"))
         if not _has_wheel(name):
             if wheel is not None:
                 raise SchemaError("command", "wheel", f"does not apply to {name}")
-            return _Switch(name, None, on, self._value(self._known[name], command.get("value")))
+            return _Switch(name, None, on, self._value(self._known[name], command.get("value")), duration_s)
         if isinstance(wheel, bool) or not isinstance(wheel, int) or not 1 <= wheel <= self._world.wheels:
             raise SchemaError("command", "wheel", f"is {wheel!r}; must be a wheel from 1 to {self._world.wheels}")
-        return _Switch(name, wheel - 1, on, self._value(self._known[name], command.get("value")))
+        return _Switch(name, wheel - 1, on, self._value(self._known[name], command.get("value")), duration_s)
 
     def _value(self, fault: LiveFault, value: object) -> float:
         allowed = _allowed(fault.name)
@@ -197,6 +200,17 @@ class LiveWorld:
 
 def _has_wheel(name: str) -> bool:
     return name != ICE and WORLD.faults[name].wheel
+
+
+def _duration_s(name: str, on: bool, value: object) -> float:
+    """Return how long a fault lasts [s]; without a value until it is switched off."""
+    if value is None:
+        return math.inf
+    if name == ICE or not on:
+        raise SchemaError("command", "duration_s", f"does not apply to {ICE if on else 'a fault that is switched off'}")
+    if isinstance(value, bool) or not isinstance(value, int | float) or value <= 0.0:
+        raise SchemaError("command", "duration_s", f"is {value!r}; must be a number above 0")
+    return float(value)
 
 
 def _allowed(name: str) -> Range | None:

@@ -69,6 +69,11 @@ class RobotStatus:
         return self.heartbeat is not None and self.heartbeat.armed
 
     @property
+    def simulated(self) -> bool:
+        """Whether a simulated world moves the wheels: the robot is in host-in-the-loop."""
+        return self.heartbeat is not None and self.heartbeat.hil
+
+    @property
     def mode(self) -> str:
         """What moves the robot: hold, pose, velocity, trajectory, duty; "unknown" before the first heartbeat."""
         return self.heartbeat.mode if self.heartbeat is not None else "unknown"

@@ -107,6 +107,23 @@ def test_a_pulled_encoder_counts_no_more_until_it_is_mended() -> None:
     assert on(live) == [("wheel_turned", 2)]
 
 
+def test_a_turn_by_hand_of_a_given_duration_is_one_revolution() -> None:
+    live, world, _ = made("stand")
+    apply_command(live, fault="wheel_turned", wheel=2, on=True, duration_s=2.0)
+    before = world.sense().counts[1]
+    world.step(3 * TICKS_PER_S)
+    assert on(live) == []
+    assert world.sense().counts[1] - before == pytest.approx(10000, rel=0.02)
+
+
+@pytest.mark.parametrize("change", [{"duration_s": 0.0}, {"duration_s": "2"}, {"duration_s": 2.0, "on": False}])
+def test_a_duration_that_is_none_changes_nothing(change: dict[str, Any]) -> None:
+    live, _, _ = made()
+    with pytest.raises(CommandLineError, match="duration_s"):
+        apply_command(live, **{"fault": "wheel_turned", "wheel": 2, "on": True, **change})
+    assert on(live) == []
+
+
 def test_switching_on_twice_replaces_the_value() -> None:
     live, world, _ = made()
     apply_command(live, fault="battery_sag", on=True)

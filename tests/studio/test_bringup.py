@@ -7,6 +7,7 @@ import json
 import threading
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,6 +15,7 @@ from playwright.sync_api import Page
 
 from omni.studio.actions import BadRequestError
 from omni.studio.bringup_walk import ALL, CONFIRM, SAW, WORDS, PagePerson, robot_file, wiring_picture
+from omniwheel.bringup import HandMotion
 from omniwheel.bringup.sequence import CHECKS
 from tests.studio.parts import Opener, Program, until
 
@@ -64,6 +66,20 @@ def test_nothing_moves_before_yes_the_wheel_is_shown_and_a_stop_ends_it(page: Pa
     until(page, "robot.state === 'disarmed'")
 
 
+def test_in_simulation_a_button_turns_the_wheel_and_cancel_ends_it(page: Page) -> None:
+    """It was stuck at "turn wheel 1 by hand"."""
+    begin(page, "encoders")
+    for wheel in (1, 2):
+        until(page, f"state.bring_up.wheel === {wheel}")
+        page.get_by_role("button", name=f"Turn wheel {wheel} in the simulation").click()
+    until(page, "state.bring_up.wheel === 3")
+    page.click("#bring-up-cancel")
+    until(page, "!state.bring_up.running && robot.state === 'disarmed'")
+    assert "stopped" in (page.text_content("#bring-up-state") or "")
+    assert page.locator("#bring-up-hands button").count() == 0
+    assert page.is_disabled("#bring-up-cancel")
+
+
 def test_the_wiring_of_the_robot_is_drawn(page: Page, shared_studio: Program) -> None:
     page.click("#wiring summary")
     until(page, "document.getElementById('wiring-picture').naturalWidth > 0")
@@ -76,8 +92,9 @@ def test_the_wiring_of_the_robot_is_drawn(page: Page, shared_studio: Program) ->
 class Listening:
     """Stands for a robot whose link is served: it calls back."""
 
-    def __init__(self, then: Callable[[], None]) -> None:
+    def __init__(self, then: Callable[[], None], *, simulated: bool = True) -> None:
         self.then = then
+        self.status = SimpleNamespace(simulated=simulated)
 
     def pump(self, _seconds: float) -> None:
         self.then()
@@ -107,6 +124,25 @@ def test_an_answer_to_an_earlier_question_and_nonsense_are_refused() -> None:
             person.answer(number, yes)
     person.answer(1, False)
     asking.join()
+
+
+@pytest.mark.parametrize("motion", HandMotion)
+def test_every_motion_by_hand_has_its_way_in_simulation_only(motion: HandMotion) -> None:
+    person = PagePerson(Listening(lambda: person.answer(1, True)))  # type: ignore[arg-type]
+    person.move_by_hand(motion, "Turn wheel 2")
+    elsewhere = person.simulated_hand(())
+    assert elsewhere == {"text": motion.value, "buttons": []}
+    here = person.simulated_hand(("wheel_turned", "stop_button"))
+    assert here is not None
+    faults = [button["fault"]["fault"] for button in here["buttons"]]
+    assert faults or here["text"]
+    if motion is HandMotion.WHEEL:
+        assert here["buttons"][0]["fault"]["wheel"] == 2
+    person.confirm("Did it turn?")
+    assert person.simulated_hand(()) is None
+    real = PagePerson(Listening(lambda: None, simulated=False))  # type: ignore[arg-type]
+    real.move_by_hand(motion, "Turn wheel 2")
+    assert real.simulated_hand(("wheel_turned", "stop_button")) is None
 
 
 def test_the_wheel_that_is_meant_is_found_in_what_the_checks_say() -> None:

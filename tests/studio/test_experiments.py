@@ -18,6 +18,8 @@ from websockets.sync.client import ClientConnection, connect
 
 from omni.studio.experiments import KINDS, Experiment, Wanted
 from omni.studio.session import Session
+from omni.studio.tuned import Tuned
+from omniwheel.autotune.procedure import Settings
 from omniwheel.robots import read_robot
 from tests.studio.parts import NIGHTLY, Opener, Program, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url
@@ -184,6 +186,38 @@ def test_autotune_that_is_stopped_leaves_the_old_values(page: Page) -> None:
     until(page, f"JSON.stringify({FIELDS}) === JSON.stringify({json.dumps(before)})")
 
 
+def test_after_autotune_a_button_puts_the_other_values_on_the_robot(page: Page) -> None:
+    """The server's messages get the result of an autotune that was not driven; the buttons reach the real robot."""
+    old = page.evaluate("studio.parameters.value_of('WS_P')")
+    sets = {"old": {"WS_P": old}, "new": {"WS_P": old + 1.0}}
+    result = {"number": 1, "name": "autotune", "running": False, "needs": "", "trouble": "", "folder": "runs/autotune"}
+    outcome = SimpleNamespace(old=sets["old"], new=sets["new"])
+    known = {"WS_P": old}
+
+    def with_result(server: Any, message: str | bytes) -> None:
+        if isinstance(message, str):
+            news = json.loads(message)
+            known.update(news.get("parameters", {}))
+            gains = Tuned(cast(Any, outcome), Settings(), cast(Any, None)).gains(known)
+            if "state" in news:
+                news["state"]["experiment"] = {**result, "figures": [], "remarks": [], "picture": False, "gains": gains}
+            message = json.dumps(news)
+        server.send(message)
+
+    def connected(socket: Any) -> None:
+        socket.connect_to_server().on_message(lambda message: with_result(socket, message))
+
+    page.route_web_socket("**/socket*", connected)
+    page.reload()
+    until(page, "robot?.pose")
+    take_over(page)
+    for which in ("new", "old"):
+        page.click(f"#keep-{which}")
+        until(page, f"studio.parameters.value_of('WS_P') === {sets[which]['WS_P']}")
+        until(page, f"document.getElementById('keep-{which}').getAttribute('aria-pressed') === 'true'")
+        assert page.is_disabled(f"#keep-{which}")
+
+
 @pytest.mark.nightly
 def test_autotune_measures_and_tells_what_came_of_it(page: Page) -> None:
     tune(page)
@@ -193,6 +227,11 @@ def test_autotune_measures_and_tells_what_came_of_it(page: Page) -> None:
     remarks = page.text_content("#experiment-remarks") or ""
     assert "WS_P 4 →" in remarks
     assert "The new values are kept: " in remarks or "The old values are restored: " in remarks
+    kept = "new" if "The new values are kept: " in remarks else "old"
+    for which in ("new", "old") if kept == "old" else ("old", "new"):
+        page.click(f"#keep-{which}")
+        until(page, f"{RUN}.gains.on_robot === '{which}'")
+        assert page.get_attribute(f"#keep-{which}", "aria-pressed") == "true"
     folder = Path(page.evaluate("studio.state.experiment.folder"))
     assert {"autotune.md", "autotune.png", "before.toml", "after.toml"} <= {path.name for path in folder.iterdir()}
 

@@ -13,11 +13,13 @@ import pytest
 from playwright.sync_api import Page
 from websockets.sync.client import connect
 
+from omni.studio.processors import EMULATED
 from omni.studio.simulated import SimulatedRobot, Simulation
+from omni.studio.simulated_memory import SimulatedMemory
 from omniwheel.errors import LinkError
 from tests.studio.parts import NIGHTLY, Opener, Program, running, studio, take_over, until
 from tests.studio.test_hostile import ask, socket_url
-from tests.studio.test_page import arm
+from tests.studio.test_page import arm, set_gain
 from tests.waiting import Stopwatch, wait_until
 
 TEXTS = "[...document.querySelectorAll('#texts li')].map((item) => item.textContent).join('|')"
@@ -223,3 +225,42 @@ def _child_of(program: Program) -> int:
     tasks = Path(f"/proc/{program.process.pid}/task").glob("*/children")
     children = [child for task in tasks for child in task.read_text(encoding="utf-8").split()]
     return next(int(child) for child in children if b"\0sitl\0" in Path(f"/proc/{child}/cmdline").read_bytes())
+
+
+def test_a_restarted_simulation_has_what_was_stored_and_a_stop_that_was_not_released(open_page: Opener) -> None:
+    gain = "studio.parameters.value_of('ISMC_LAM_XY')"
+    with studio("sitl") as program:
+        page = open_page(program.url)
+        until(page, "robot?.pose")
+        set_gain(page, "ISMC_LAM_XY", "7")
+        until(page, f"{gain} === 7")
+        page.click("#store")
+        until(page, "document.getElementById('notice').textContent.startsWith('Stored')")
+        set_gain(page, "ISMC_LAM_XY", "8")
+        until(page, f"{gain} === 8")
+        page.keyboard.press("Space")
+        until(page, "robot.state === 'estop'")
+        page.click("#choose")
+        until(page, "document.getElementById('scenario').options.length > 0")
+        page.select_option("#scenario", "sitl")
+        page.click("#simulate-form button")
+        until(page, f"{gain} === 7 && robot?.state === 'estop'")
+        page.click("#release")
+        until(page, "robot.state === 'disarmed'")
+        drive(page)
+
+
+def test_each_kind_of_simulated_robot_has_its_own_memory() -> None:
+    memory, wanted = SimulatedMemory(), Simulation("sitl")
+    first = memory.copy_for(wanted)
+    assert not first.exists()
+    memory.keep(wanted, first)
+    first.write_bytes(b"stored")
+    assert memory.copy_for(wanted).read_bytes() == b"stored"
+    assert memory.copy_for(wanted) != first, "the robot before still has its file"
+    for other in (Simulation("stand"), Simulation("sitl", "four_wheel"), Simulation("sitl", processor=EMULATED)):
+        assert not memory.copy_for(other).exists()
+    memory.close()
+    assert not first.exists()
+    assert not memory.copy_for(wanted).exists()
+    memory.close()

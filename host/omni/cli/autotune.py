@@ -71,9 +71,9 @@ def autotune(
     values again.
 
     Without --revert the new values are kept if they drive better and a sweep shows their margins. With --name a copy
-    of the robot file --robot gets them, too.
+    of the robot file --robot gets them then, too.
     """
-    from omniwheel.autotune.page import write_page  # here, not above: SciPy and matplotlib take a second
+    from omniwheel.autotune.page import AFTER, write_page  # here, not above: SciPy and matplotlib take a second
     from omniwheel.autotune.procedure import Settings
     from omniwheel.autotune.procedure import autotune as run
     from omniwheel.autotune.robot_file import write_robot_file
@@ -97,12 +97,15 @@ def autotune(
             error.found = _document(outcome)
             _show(outcome, quiet=json_wanted)
             raise
-    if name and outcome.kept:
-        note(f"{write_robot_file(outcome, name, robot_file, Path())} written", quiet=json_wanted)
+    written = write_robot_file(outcome, name, robot_file, Path()) if name and outcome.kept else None
     if json_wanted:
-        print_json({**_document(outcome), "folder": str(folder)})
+        print_json({**_document(outcome), "folder": str(folder), "robot_file": str(written) if written else None})
         return
     _show(outcome)
+    for line in _left_undone(outcome, name, after=folder / AFTER, store=store):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    if written is not None:
+        note(f"{written} written")
     console.print(f"\n[bold]{page}[/] says why", soft_wrap=True)
 
 
@@ -117,12 +120,25 @@ def _show(outcome: Outcome, *, quiet: bool = False) -> None:
     console.print(f"{end}: {outcome.choice.why}", markup=False, highlight=False)
 
 
+def _left_undone(outcome: Outcome, name: str, *, after: Path, store: bool) -> list[str]:
+    """Return what was asked for and not done because the old values are back, and how to have the new ones."""
+    if outcome.kept:
+        return []
+    asked = [f"{name}.toml was not written"] if name else []
+    asked += ["nothing was stored on the robot"] if store else []
+    lines = [f"{' and '.join(asked)}: the old values are restored"] if asked else []
+    if outcome.choice.lacking:
+        lines.append("to prefer margins over tracking: omni autotune --prefer margin")
+    return [*lines, f"to take the new values: omni params load {after}"]
+
+
 def _document(outcome: Outcome) -> dict[str, Any]:
     return {
         "old": outcome.old,
         "new": outcome.new,
         "kept": outcome.kept,
         "why": outcome.choice.why,
+        "lacking": outcome.choice.lacking,
         "explained": outcome.design.fit.fit,
         "verdicts": [
             {

@@ -13,6 +13,7 @@ from omni.cli.common import error_console
 from omniwheel.errors import OmniError
 
 if TYPE_CHECKING:
+    from omniwheel.bringup import HandMotion
     from omniwheel.robot import Robot
 
 _PERIOD_S = 0.05
@@ -36,6 +37,12 @@ class TerminalPerson:
     def show(self, text: str) -> None:
         """Print a line."""
         error_console.print(f"[bold cyan]→[/] {escape(text)}", soft_wrap=True)
+
+    def move_by_hand(self, motion: HandMotion, text: str) -> None:
+        """Print the request, and what fulfils it if the robot is simulated."""
+        self.show(text)
+        if any(robot.status.simulated for robot in self._robots):
+            error_console.print(f"  [dim]{escape(motion.value)}[/]", soft_wrap=True)
 
     def confirm(self, question: str) -> bool:
         """Ask yes or no; anything but yes is no."""

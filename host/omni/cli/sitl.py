@@ -182,7 +182,8 @@ def serve_world(
     announce(running.urls, scenario.robot.name, scenario.description, json_wanted, more)
     if running.stopped:
         release = f"omni stop --release --link {running.urls[0]}"
-        error_console.print(f"stopped since before the restart: nothing moves until you release it ({release})")
+        said = f"stopped since before the restart: nothing moves until you release it ({release})"
+        error_console.print(said, soft_wrap=True)  # one line: the studio reads it
     obeyed = Commands(running.live, json_wanted) if commands else None
     if end_with_stdin or commands:
         read_input(obeyed, end_with_stdin)

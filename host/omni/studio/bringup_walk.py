@@ -6,7 +6,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,6 +17,7 @@ from omni.studio.actions import BadRequestError
 from omni.studio.error_text import in_words
 from omni.studio.session import Session, set_automatic_rate
 from omni_schema import Robot as RobotFile
+from omniwheel.bringup.person import HandMotion
 from omniwheel.errors import OmniError
 from omniwheel.logs.run_folder import new_run_folder
 from omniwheel.robot import Robot
@@ -38,6 +39,12 @@ WORDS = {
 }
 CONFIRM, SAW = "confirm", "saw"
 """Kinds of questions: yes or no, where only yes goes on; yes, no or unknown."""
+_SIMULATED: Mapping[HandMotion, Mapping[str, Any]] = {
+    HandMotion.WHEEL: {"fault": "wheel_turned", "on": True, "duration_s": 2.0},  # half a revolution per second
+    HandMotion.PRESS_BUTTON: {"fault": "stop_button", "on": True},
+    HandMotion.RELEASE_BUTTON: {"fault": "stop_button", "on": False},
+}
+"""Faults of the simulated world that do what a hand does."""
 _WHEEL = re.compile(r"\b[Ww]heel (\d)\b")
 _WAIT_S = 0.05
 _LINES_KEPT = 8
@@ -58,6 +65,7 @@ class PagePerson:
     def __init__(self, robot: Robot) -> None:
         self.question: Question | None = None
         self.lines: deque[str] = deque(maxlen=_LINES_KEPT)
+        self._motion: HandMotion | None = None
         self._robot = robot
         self._numbers = itertools.count(1)
         self._answered = Event()
@@ -65,7 +73,32 @@ class PagePerson:
 
     def show(self, text: str) -> None:
         """Show a line."""
+        self._motion = None
         self.lines.append(text)
+
+    def move_by_hand(self, motion: HandMotion, text: str) -> None:
+        """Show the request; :meth:`simulated_hand` says what fulfils it in a simulated world."""
+        self.show(text)
+        self._motion = motion
+
+    def simulated_hand(self, faults: Collection[str]) -> dict[str, Any] | None:
+        """Return what moves a simulated robot in place of a hand: a text and buttons; None if no hand is needed.
+
+        ``faults`` are what this page can switch in the world. A button has ``words``, and as ``fault`` a request that
+        switches one. Without a button the text says what to do elsewhere.
+        """
+        motion = self._motion
+        if motion is None or not self._robot.status.simulated:
+            return None
+        fault = _SIMULATED.get(motion)
+        if fault is None or fault["fault"] not in faults:
+            return {"text": motion.value, "buttons": []}
+        if motion is HandMotion.WHEEL:
+            button = {"words": f"Turn wheel {self.wheel} in the simulation", "fault": {**fault, "wheel": self.wheel}}
+        else:
+            verb = "Press" if motion is HandMotion.PRESS_BUTTON else "Release"
+            button = {"words": f"{verb} the stop button in the simulation", "fault": fault}
+        return {"text": "", "buttons": [button]}
 
     def confirm(self, question: str) -> bool:
         """Ask yes or no."""
@@ -94,6 +127,7 @@ class PagePerson:
 
     def _prompt(self, text: str, kind: str) -> bool | None:
         self._answered.clear()
+        self._motion = None
         self.question = Question(next(self._numbers), text, kind)
         try:
             while not self._answered.is_set():
@@ -127,7 +161,7 @@ class BringUp:
     def require_idle(self) -> None:
         """Raise BadRequestError while a walk is under way."""
         if self.running:
-            raise BadRequestError("the bring-up is running", hint="wait for its end, or stop it with STOP or Disarm")
+            raise BadRequestError("the bring-up is running", hint="wait for its end, or press its Cancel")
 
     def start(self, session: Session, request: Mapping[str, Any]) -> None:
         """Begin; returns at once. Raises BadRequestError if the robot is armed, or it is not known what to check."""
@@ -151,8 +185,11 @@ class BringUp:
             raise BadRequestError("no question is open")
         self._person.answer(request.get("number"), request.get("yes"))
 
-    def state(self) -> dict[str, Any]:
-        """Return what a page shows: what is said and asked, the wheel that is meant, results so far."""
+    def state(self, faults: Collection[str] = ()) -> dict[str, Any]:
+        """Return what a page shows: what is said and asked, the wheel that is meant, results so far.
+
+        ``faults`` are what the page can switch in the simulated world.
+        """
         person = self._person
         question = None if person is None else person.question
         return {
@@ -160,6 +197,7 @@ class BringUp:
             "lines": [] if person is None else list(person.lines),
             "question": None if question is None else vars(question),
             "wheel": person.wheel if person is not None and self.running else None,
+            "hand": person.simulated_hand(faults) if person is not None and self.running else None,
             "results": [
                 {"check": result.check, "ok": result.ok, "findings": [vars(one) for one in result.findings]}
                 for result in tuple(self._results)

@@ -16,7 +16,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from omni.studio.actions import BadRequestError, Request, number_of
 from omni.studio.error_text import in_words
@@ -270,7 +270,15 @@ class Experiment:
             rows = [{"name": figure.name, **figure.as_dict()} for figure in outcome.figures]
             found |= {"figures": finite(rows), "remarks": list(outcome.remarks), "folder": self._folder}
             found["picture"] = self.picture is not None
+            found["gains"] = self._gains(outcome)
         return found
+
+    def _gains(self, outcome: Outcome | Tuned | Identified) -> dict[str, Any] | None:
+        """Return old and new gains to choose from; None for an experiment that changes none."""
+        robot = self._session.robot  # once: its own thread lets go of it
+        if robot is None or self._wanted.name != _AUTOTUNE:
+            return None
+        return cast("Tuned", outcome).gains(robot.parameters.known)
 
     def _run(self) -> None:
         try:

@@ -10,9 +10,10 @@ import sys
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from omni.studio.actions import BadRequestError
+from omni.studio.actions import BadRequestError, number_of
 from omni.studio.processors import EMULATED, IMAGE, PC, SHORT
 from omniwheel.errors import FirmwareStartError, LinkError
 
@@ -48,14 +49,16 @@ class Simulation:
 class SimulatedRobot:
     """A firmware with its world in real time, until :meth:`close`. Raises FirmwareStartError if it does not start.
 
+    ``memory`` is the file of its non-volatile memory. Without one it forgets what it stores.
     ``catalogue`` has what can be broken and how fast the world can run, in words, as ``omni sitl --commands`` says.
     It is None for the flashed image, whose world takes no commands. ``now`` is what is on. It is None until the world
     has said so.
     """
 
-    def __init__(self, wanted: Simulation) -> None:
+    def __init__(self, wanted: Simulation, memory: Path | None = None) -> None:
         self.wanted = wanted
         command = [sys.executable, "-m", "omni", *wanted.command()]
+        command += [] if memory is None else ["--storage", str(memory)]
         self.now: dict[str, Any] | None = None
         self.refusal = ""
         """What the world said last against a command."""
@@ -161,11 +164,12 @@ def _command(catalogue: Mapping[str, Any], request: Mapping[str, Any]) -> dict[s
         raise BadRequestError(f"unknown fault {name!r}")
     if not isinstance(on, bool):
         raise BadRequestError(f"on must be true or false, not {on!r}")
+    duration = {"duration_s": number_of(request, "duration_s")} if "duration_s" in request else {}
     if not fault["wheels"]:
-        return {"fault": name, "on": on}
+        return {"fault": name, "on": on, **duration}
     if isinstance(wheel, bool) or wheel not in fault["wheels"]:
         raise BadRequestError(f"unknown wheel {wheel!r}")
-    return {"fault": name, "wheel": wheel, "on": on}
+    return {"fault": name, "wheel": wheel, "on": on, **duration}
 
 
 def _why(answer: str, said: str) -> FirmwareStartError:

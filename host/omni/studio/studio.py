@@ -37,6 +37,7 @@ from omni.studio.signals import (
     signals_as_json,
 )
 from omni.studio.simulated import SimulatedRobot, Simulation
+from omni.studio.simulated_memory import SimulatedMemory
 from omni.studio.spectra import spectrum
 from omni.studio.state import fix_as_json, link_state, robot_state, shape_as_json
 from omni.studio.views import checked_view, read_view, view_file, write_view
@@ -93,6 +94,7 @@ class Studio:
         self.bring_up = BringUp(out)
         self.session: Session | None = None
         self.simulated: SimulatedRobot | None = None
+        self.simulated_memory = SimulatedMemory()
         self.pages: list[Page] = []
         self.commanding: Page | None = None
         self._numbers = itertools.count(1)
@@ -168,12 +170,15 @@ class Studio:
         """Let go of everything; a recording gets its figures before."""
         self.flasher.close()
         self.disconnect()
+        self.simulated_memory.close()
         self.recorder.close()
         self.worker.close()
 
     def simulate(self, wanted: Simulation) -> None:
         """Start a simulated robot and connect to it. Raises FirmwareStartError; the robot before is kept then."""
-        started = SimulatedRobot(wanted)
+        memory = self.simulated_memory.copy_for(wanted)
+        started = SimulatedRobot(wanted, memory)
+        self.simulated_memory.keep(wanted, memory)
         self.disconnect()
         self.simulated = started
         self._begin(self.simulated.url)
@@ -437,12 +442,17 @@ class Studio:
             "last_stop": None if session is None else session.last_stop.as_json(),
             "recording": self.recorder.state(),
             "flash": self.flasher.state(),
-            "bring_up": self.bring_up.state(),
+            "bring_up": self.bring_up.state(self._faults()),
             "undo": undo,
             "redo": redo,
             "commands": self._who_commands(page),
             "pages": len(self.pages),
         }
+
+    def _faults(self) -> list[str]:
+        """Return the faults that a page can switch in the simulated world."""
+        world = None if self.simulated is None else self.simulated.catalogue
+        return [] if world is None else [fault["name"] for fault in world["faults"]]
 
     def _who_commands(self, page: Page | None) -> str:
         if self.commanding is None:

@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from omni_schema import ParameterTable
 from omniwheel.autotune.page import NAMES, PAGE, PICTURE, write_page
@@ -31,6 +33,12 @@ class Tuned:
             for name in estimate.names
         ]
 
+    def gains(self, present: Mapping[str, float]) -> dict[str, Any]:
+        """Return the ``old`` and ``new`` values, and which of them the robot has: "old", "new" or "" for neither."""
+        sets = {"old": self.outcome.old, "new": {**self.outcome.old, **self.outcome.new}}
+        on_robot = next((name for name, values in sets.items() if _same(values, present)), "")
+        return {**sets, "on_robot": on_robot}
+
     @property
     def remarks(self) -> list[str]:
         """Return what was changed, what came of it, and whether it was kept."""
@@ -49,12 +57,17 @@ class Tuned:
         return folder / PICTURE
 
 
+def _same(values: Mapping[str, float], present: Mapping[str, float]) -> bool:
+    """Return whether the robot has these values, as the link carries them: in single precision."""
+    return all(math.isclose(value, present.get(name, math.nan), rel_tol=1e-6) for name, value in values.items())
+
+
 def tune(robot: Robot, room_m: float, rounds: int, tell: Callable[[str], None]) -> Tuned:
     """Measure the robot, choose its gains, try them, keep them or go back. Raises AutotuneError and what it raises."""
     tell(
         f"drives by itself for some minutes in a square of side {room_m:g} m around where it stands. First slowly, then"
-        " at up to 70 % of its limits. It keeps the new gains if it drives better with them, or if the old ones hardly"
-        " damp it"
+        " at up to 70 % of its limits. It keeps the new gains if it drives better with them; afterwards you can choose"
+        " otherwise"
     )
     settings = Settings(room_m, rounds=rounds)
     return Tuned(autotune(robot, settings, True, tell), settings, robot.table)

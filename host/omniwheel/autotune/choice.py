@@ -21,10 +21,14 @@ WORTH = 0.1
 
 @dataclass(frozen=True)
 class Choice:
-    """Whether the new values are kept, and why: the end of a sentence."""
+    """Whether the new values are kept, and why: the end of a sentence.
+
+    ``lacking``: which margins the old values lack, if that is why Prefer.MARGIN would have kept the new ones.
+    """
 
     kept: bool
     why: str
+    lacking: str = ""
 
 
 @dataclass(frozen=True)
@@ -73,8 +77,7 @@ def choose(shown: Shown, design: Design, required: Requirements, prefer: Prefer)
         return Choice(True, seen)
     if better and not worse and looks_worse:
         seen = f"{seen}, but {_seen(looks_worse)}, within the noise"
-    remedy = f", but the old values lack margin: {lacking}. --prefer margin selects the new ones" if lacking else ""
-    return Choice(False, seen + remedy)
+    return Choice(False, seen + (f", but the old values lack margin: {lacking}" if lacking else ""), lacking)
 
 
 def _whole(verdict: Verdict, seen: float, unknown: Mapping[str, float]) -> float:

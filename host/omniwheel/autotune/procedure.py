@@ -251,8 +251,9 @@ def within_reach(
     speed = 0.5 * QUICK * _top_speeds(model, old)[0]
     reached = ACCELERATION_SHARE * min(top_acceleration(model, way, speed).value for way in directions(DIRECTIONS))
     limit = min(old["LIM_A"], max(reached, GENTLE / QUICK * old["LIM_A"]))
-    if limit < old["LIM_A"]:
-        tell(f"the motors do not reach {old['LIM_A']:.3g} m/s^2; the next drives take {limit:.3g} for LIM_A")
+    believed, taken = f"{old['LIM_A']:.3g}", f"{limit:.3g}"
+    if taken != believed:  # else the message would contradict itself
+        tell(f"the motors do not reach {believed} m/s^2; the next drives take {taken} for LIM_A")
     return {**old, "LIM_A": limit}
 
 

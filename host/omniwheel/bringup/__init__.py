@@ -15,7 +15,7 @@ from omniwheel.bringup.i2c import check_i2c
 from omniwheel.bringup.link import check_link
 from omniwheel.bringup.motors import check_motors
 from omniwheel.bringup.output_enable import check_output_enable
-from omniwheel.bringup.person import Assumed, Person
+from omniwheel.bringup.person import Assumed, HandMotion, Person
 from omniwheel.bringup.radio import check_radio
 from omniwheel.bringup.result import Finding, Result
 from omniwheel.bringup.stop_button import check_stop_button
@@ -24,6 +24,7 @@ from omniwheel.bringup.stops import check_stops
 __all__ = [
     "Assumed",
     "Finding",
+    "HandMotion",
     "Person",
     "Result",
     "check_drive",

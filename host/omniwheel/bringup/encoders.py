@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from omniwheel.bringup.bench import Layout, Samples, counted, file_line, flipped, health_of, layout_of, wheel_names
-from omniwheel.bringup.person import Person
+from omniwheel.bringup.person import HandMotion, Person
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.robot import Robot
 
@@ -28,7 +28,8 @@ def check_encoders(robot: Robot, person: Person, *, begin_timeout_s: float = BEG
     errors = health_of(robot).encoder_errors
     with Samples(robot, RATE_HZ) as samples:
         for wheel in range(layout.wheels):
-            person.show(f"Turn wheel {wheel + 1} by hand by one whole revolution, {_WHICH_WAY}, then let go.")
+            text = f"Turn wheel {wheel + 1} by hand by one whole revolution, {_WHICH_WAY}, then let go."
+            person.move_by_hand(HandMotion.WHEEL, text)
             counts = _turned(robot, samples, layout, begin_timeout_s)
             findings.measured[f"wheel_{wheel + 1}_counts"] = list(counts)
             _judge(findings, layout, wheel, counts)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from omni_schema import Robot as RobotFile
-from omniwheel.bringup.person import Person, require
+from omniwheel.bringup.person import HandMotion, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import Message
 from omniwheel.robot import Robot
@@ -158,7 +158,7 @@ def _push(robot: Robot, ways: Ways, wait_s: float) -> tuple[float, float, float]
 def _ahead(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> bool:
     """Whether another push makes sense. ``how``: whether the sensor has wheels, and how long to wait."""
     wheels, wait_s = how
-    person.show(PUSH)
+    person.move_by_hand(HandMotion.PUSH, PUSH)
     moved = _push(robot, ways, wait_s)
     if moved is None:
         way = math.hypot(*ways.moved()[:2])
@@ -187,7 +187,7 @@ def _judge_turn(robot: Robot, findings: Findings, name: str, turn: float) -> boo
 def _aside(robot: Robot, person: Person, findings: Findings, ways: Ways, how: tuple[bool, float]) -> None:
     """Straight ahead, a sensor that counts y the wrong way looks right."""
     wheels, wait_s = how
-    person.show(ASIDE)
+    person.move_by_hand(HandMotion.PUSH, ASIDE)
     moved = _push(robot, ways, wait_s)
     if moved is None:
         advice = "push it further, straight to the left"

@@ -10,7 +10,7 @@ from statistics import pstdev
 
 from omni_schema import Robot as RobotFile
 from omniwheel.bringup.bench import file_line
-from omniwheel.bringup.person import Person, require
+from omniwheel.bringup.person import HandMotion, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.dialect import Message
 from omniwheel.robot import Robot
@@ -124,7 +124,7 @@ def _rests(robot: Robot, findings: Findings, readings: Readings) -> bool:
 def _turn(robot: Robot, person: Person, findings: Findings, readings: Readings, axis: int, wait_s: float) -> None:
     """A gyro whose sign is wrong is refused by the estimator while the wheels turn along: its rate is then 0."""
     readings.clear()
-    person.show(TURN)
+    person.move_by_hand(HandMotion.TURN, TURN)
     end_s = robot.connection.clock() + wait_s
     begun = False
     while robot.connection.clock() < end_s and not (begun and readings.still_s >= STILL_S):

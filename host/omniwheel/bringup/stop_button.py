@@ -16,7 +16,7 @@ from omniwheel.bringup.bench import (
     stream_duty,
 )
 from omniwheel.bringup.other_stops import OPENED, OtherStopError, OtherStops, safety_of
-from omniwheel.bringup.person import STAND, Person, require
+from omniwheel.bringup.person import STAND, HandMotion, Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import CommandRefusedError
 from omniwheel.robot import Robot
@@ -93,7 +93,7 @@ def _press(robot: Robot, others: OtherStops, person: Person, findings: Findings,
         def said() -> bool:
             return any(OPENED in text.text for text in robot.texts.since(mark))
 
-        person.show(PRESS)
+        person.move_by_hand(HandMotion.PRESS_BUTTON, PRESS)
         pressed = _until(robot, said, wait_s, lambda: _turn(robot, others, layout, duty, said))
         if not pressed:
             findings.bad("press", f"no message of it within {wait_s:g} s", _WIRE)
@@ -153,7 +153,7 @@ def _release_button(robot: Robot, others: OtherStops, person: Person, findings: 
         stayed = stayed and safety_of(robot).state == "estop"
         released = _refusal_of_release(others) is None
 
-    person.show(LET_GO)
+    person.move_by_hand(HandMotion.RELEASE_BUTTON, LET_GO)
     _until(robot, lambda: released, wait_s, try_release)
     robot.pump(_STEP_S)
     state = safety_of(robot).state

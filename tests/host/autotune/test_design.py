@@ -181,10 +181,12 @@ def test_who_prefers_margins_gets_them_and_is_told_what_they_cost(lacking: Desig
     same, worse = verdict(-0.02, 0.1), verdict(0.4, 0.1)
     left = chosen([same], lacking)
     assert not left.kept
-    assert "gain margin 1." in left.why
-    assert "--prefer margin" in left.why
+    assert "gain margin 1." in left.lacking
+    assert left.lacking in left.why
+    assert "--" not in left.why, "the sentence is shown on the page, too, which has no options"
     taken = chosen([worse], lacking, Prefer.MARGIN)
     assert taken.kept
+    assert not taken.lacking
     assert "position RMSE is worse by 40%" in taken.why
     assert "gain margin 1." in taken.why
 
@@ -323,6 +325,21 @@ def test_motors_that_are_weaker_than_the_file_says_are_driven_with_less_accelera
     least = procedure.GENTLE / procedure.QUICK * 1e3
     assert limits == [least, least], "never gentler than the gentle drive"
     assert "the motors do not reach 1e+03 m/s^2" in told[-1]
+
+
+def test_an_acceleration_limit_that_rounds_to_the_old_one_is_not_announced() -> None:
+    """It said: the motors do not reach 1.47 m/s^2; the next drives take 1.47."""
+    told: list[str] = []
+    values, fit, measured = weaker()
+
+    def limit_of(believed: float) -> float:
+        return procedure.within_reach(values, {**values, "LIM_A": believed}, fit, measured, told.append)["LIM_A"]
+
+    reached = limit_of(2.0)
+    assert reached < 2.0
+    assert len(told) == 1
+    assert limit_of(1.0001 * reached) == pytest.approx(reached)
+    assert len(told) == 1
 
 
 @pytest.mark.parametrize("factor", [1.0, 3.0, 10.0])

@@ -16,6 +16,7 @@ from hil_sim.faults import Fault
 from hil_sim.lockstep import LockstepLink
 from hil_sim.world import NO_POSE_SENSOR, World, world_config
 from omniwheel import FirmwareProcess
+from omniwheel.bringup import HandMotion
 from omniwheel.dialect import mavlink
 from omniwheel.link import FileLink, open_link
 from omniwheel.robot import Robot, connect
@@ -145,6 +146,9 @@ class Bench:
             self._push_robot(0.5 * self.push_m if aside else self.push_m, self.aside_rad if aside else self.push_rad)
         if self.presses and "the stop button" in text:
             self._press("keep it pressed" in text)
+
+    def move_by_hand(self, _motion: HandMotion, text: str) -> None:
+        self.show(text)
 
     def confirm(self, question: str) -> bool:
         assert not self.armed

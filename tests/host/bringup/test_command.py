@@ -6,15 +6,18 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from typer.testing import CliRunner
 
 from omni.cli import app
 from omni.cli.bringup import Check
-from omniwheel.bringup import Finding, Result
+from omni.cli.bringup_person import TerminalPerson
+from omniwheel.bringup import Finding, HandMotion, Result
 from omniwheel.bringup.results_page import write_results
+from omniwheel.robot import Robot
 from tests.host.stepped import connect, robot
 
 runner = CliRunner()
@@ -88,3 +91,14 @@ def test_a_report_holds_every_finding_and_all_advice(tmp_path: Path) -> None:
     assert "i2c: FAIL" in text
     assert "- check the wires" in text
     assert json.loads(json_path.read_text(encoding="utf-8"))["checks"][0]["measured"]["loss"] is None
+
+
+@pytest.mark.parametrize(("simulated", "lines"), [(True, 2), (False, 1)])
+def test_who_asks_for_a_hand_says_what_does_it_in_simulation(
+    simulated: bool, lines: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot = SimpleNamespace(status=SimpleNamespace(simulated=simulated))
+    TerminalPerson(cast(Robot, robot)).move_by_hand(HandMotion.WHEEL, "Turn wheel 1 by hand")
+    said = capsys.readouterr().err.strip().splitlines()
+    assert len(said) == lines
+    assert ("omni sitl" in said[-1]) is simulated

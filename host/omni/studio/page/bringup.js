@@ -12,9 +12,13 @@ const ANSWERS = {
 export class BringUp {
   #told = "";
   #asked = 0;
+  #hand = "";
 
-  constructor(socket) {
+  /** ask(action, content) sends a request and says a refusal. */
+  constructor(socket, ask) {
     this.socket = socket;
+    this.ask = ask;
+    id("bring-up-cancel").onclick = () => ask("disarm");
     id("bring-up-form").onsubmit = (event) => {
       event.preventDefault();
       const robot = id("bring-up-robot").value || null;
@@ -74,6 +78,8 @@ export class BringUp {
     const walk = now?.bring_up ?? null;
     const ready = Boolean(now?.robot) && !now.robot.armed && now.link.phase === "connected";
     id("bring-up-start").disabled = !ready || (walk?.running ?? false);
+    id("bring-up-cancel").disabled = !walk?.running;
+    this.#hands(walk?.hand ?? null, now?.world?.on ?? []);
     const told = JSON.stringify(walk);
     if (walk === null || told === this.#told) return;
     this.#told = told;
@@ -88,6 +94,25 @@ export class BringUp {
       walk.wheel ? `This robot from above; wheel ${walk.wheel} is highlighted` : "This robot from above");
     this.#question(walk.question);
     id("bring-up-results").replaceChildren(...walk.results.map((result) => this.#result(result)));
+  }
+
+  /** What moves the simulated robot in place of a hand: a text, and buttons that switch something in its world. */
+  #hands(hand, on) {
+    const told = JSON.stringify(hand);
+    if (told !== this.#hand) { // the focus stays on a button
+      this.#hand = told;
+      put("bring-up-hand", hand?.text ?? "");
+      id("bring-up-hands").replaceChildren(...(hand?.buttons ?? []).map(({ words, fault }) => {
+        const button = document.createElement("button");
+        button.textContent = words;
+        button.onclick = () => this.ask("world", fault);
+        return button;
+      }));
+    }
+    hand?.buttons.forEach(({ fault }, place) => { // a second turn on top of the first would be too much
+      const is_on = on.some((one) => one.fault === fault.fault && one.wheel === (fault.wheel ?? null));
+      id("bring-up-hands").children[place].disabled = is_on === fault.on;
+    });
   }
 
   #question(question) {

@@ -14,8 +14,14 @@ export class Experiments {
   #ready = false;
   #last = "null";
 
-  constructor(socket) {
+  #gains = null; // of autotune: {old, new, on_robot}
+
+  /** ask(action, content) sends a request and says a refusal. */
+  constructor(socket, ask) {
     this.socket = socket;
+    for (const which of ["new", "old"]) {
+      id(`keep-${which}`).onclick = () => ask("set", { values: this.#gains[which] });
+    }
     id("experiment-kind").onchange = () => this.#choose();
     id("experiment-look").onclick = () => this.#look();
     id("experiment-form").onsubmit = (event) => { event.preventDefault(); this.#start(); };
@@ -112,7 +118,21 @@ export class Experiments {
     if (run.figures) this.#result(run);
   }
 
-  #result({ number, name, figures, remarks, picture }) {
+  /** Autotune has chosen; the person may choose otherwise, while the robot is disarmed. */
+  #choice(gains) {
+    this.#gains = gains;
+    id("experiment-gains").hidden = !gains;
+    if (!gains) return;
+    for (const which of ["new", "old"]) {
+      id(`keep-${which}`).setAttribute("aria-pressed", String(gains.on_robot === which));
+      id(`keep-${which}`).disabled = gains.on_robot === which;
+    }
+    put("experiment-gains-text", gains.on_robot
+      ? `The robot has the ${gains.on_robot} values. Store on robot, under Parameters, keeps them over a power cut.`
+      : "The robot has neither the old nor the new values: something was changed since.");
+  }
+
+  #result({ number, name, figures, remarks, picture, gains }) {
     id("experiment-caption").textContent = name;
     id("experiment-figures").replaceChildren(...figures.map((figure) => {
       const row = document.createElement("tr");
@@ -127,6 +147,7 @@ export class Experiments {
       return row;
     }));
     show_lines(id("experiment-remarks"), remarks);
+    this.#choice(gains);
     id("experiment-picture").hidden = !picture;
     if (!picture) return;
     const token = encodeURIComponent(this.socket.token);

@@ -63,8 +63,8 @@ const map = new FloorMap(id("map"), socket, {
   going: (going) => { id("cancel").disabled = !going; if (!going) id("map-text").textContent = ""; },
 });
 const drawn = new DrawnPath(map, ask, { armed, begin: begin_path });
-const experiments = new Experiments(socket);
-const bring_up = new BringUp(socket);
+const experiments = new Experiments(socket, ask);
+const bring_up = new BringUp(socket, ask);
 const simulator = new Simulator(id("simulator"), ask);
 const velocity = new HeldVelocity(socket, {
   refused: say, begins: () => map.cancel(), moving: (words) => put("key-text", words) });
@@ -266,7 +266,9 @@ id("release").onclick = () => ask("release");
 id("take-over").onclick = () => ask("take_over");
 for (const name of ["undo", "redo"]) id(name).onclick = () => ask(name);
 id("store").onclick = async () => {
-  if (await ask("store") !== undefined) say("Stored in the robot's flash.");
+  if (await ask("store") === undefined) return;
+  say(state?.simulated ? "Stored: the simulated robot keeps it, also restarted, until omni studio ends."
+    : "Stored in the robot's flash.");
 };
 id("save").href = `parameters.toml?token=${encodeURIComponent(socket.token)}`;
 id("load").onchange = async (event) => {
