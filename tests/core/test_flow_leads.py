@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from omniwheel._core import lib
+from omniwheel._core import ffi, lib
 from tests.core.test_flow import ARM, Q_THETA, Q_XY, RADIUS_M, SD_M, SD_RAD, SPAN, TICK_S, Array, Core
 from tests.core.test_flow_trust import Drive
 
@@ -74,6 +74,20 @@ def test_the_pose_goes_on_from_the_start_of_the_reading(wheels: int, rows: int) 
     assert np.abs((core.p[:2, 3:] - (f @ p[:3, 3:])[:2]) / np.outer(sd, sd)[:2, 3:]).max() < 0.04
     assert (core.p == core.p.T).all()
     assert np.linalg.eigvalsh(core.p / np.outer(sd, sd)).min() > -1e-4
+
+
+def test_a_turn_that_the_wheels_did_not_see_is_half_a_turn_of_the_way() -> None:
+    """They say that the robot goes to the left; in truth it turns on the way, evenly, and the reading shows that."""
+    core = Core(mode=lib.OMNI_EKF_MODE_POSE)
+    core.config.q_theta = 1e-5
+    for _ in range(2 * SPAN):
+        core.predict(core.matrix @ np.array([0.0, 1.0, 0.0]) * TICK_S / RADIUS_M)
+    start = np.array([0.0, SPAN * TICK_S, 0.0])
+    turn = 0.02
+    chord = SPAN * TICK_S * np.array([-math.sin(turn / 2), math.cos(turn / 2)])
+    moved = np.array([*chord, turn])
+    assert core.measure(reading_of(moved), 3).within_gate
+    assert core.x[:3] == pytest.approx(start + moved, abs=1e-5)
 
 
 @pytest.mark.parametrize("age", [0, 4, 7, 30])
@@ -243,6 +257,22 @@ def test_a_turn_that_nothing_measures_is_as_unsure_as_it_can_be() -> None:
     assert led > 25
     assert abs(core.x[2]) > 1.0
     assert abs(core.x[2]) < 2.0 * math.sqrt(core.p[2, 2])
+
+
+def test_a_turn_that_nothing_measures_moves_the_centre_about_the_sensor() -> None:
+    """Which is 0.3 m ahead of it: the robot drives ahead, so the centre may be to the side by 0.3 m times the turn."""
+    core = Core()
+    ahead(core, 0.5, 0.0, np.full(3, 0.04), 400)
+    ahead(core, 0.5, 0.0, np.roll(SPINS, 1), SPAN)
+    before = core.p
+    flow = {"move": [0.5 * SPAN * TICK_S, 0.0, 0.0], "lever_arm_m": (0.3, 0.0), "r_xy": SD_M**2, "apply": True}
+    given = ffi.new("omni_ekf_flow_t *", flow | {"span_us": 1000 * SPAN, "override_nis": 16.0})
+    result = ffi.new("omni_ekf_flow_result_t *")
+    assert lib.omni_pose_ekf_correct_flow(core.s, core.config, core.k, given, result)
+    assert result.overrode_wheels
+    turn_variance = core.p[2, 2] - before[2, 2]
+    assert turn_variance > 1e-3
+    assert core.p[1, 1] - before[1, 1] > 0.9 * 0.3**2 * turn_variance
 
 
 @pytest.mark.full

@@ -66,3 +66,11 @@ def test_a_reading_that_repeats_itself_is_noticed_when_the_speed_changes() -> No
     assert way_s == pytest.approx(0.98)
     assert not usable[-1]
     assert core.x[0] - x == pytest.approx(way, abs=0.03)
+
+
+def test_readings_that_repeat_themselves_may_differ_from_the_wheels_by_a_tenth_of_the_way() -> None:
+    """Coarse steps at 1 m/s: it says 20 mm again and again, while the wheels slip a little more each time."""
+    core = Core()
+    said = [SPAN * TICK_S, 0.0, 0.0]
+    for step in range(40):
+        assert all(run(core, SPAN, 1.0 + 0.002 * step, said))

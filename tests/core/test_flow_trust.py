@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -257,3 +258,68 @@ def test_a_covariance_that_is_spoilt_restarts_the_estimate() -> None:
     assert core.s.restarts == 1
     assert np.linalg.eigvalsh(core.p).min() > 0.0
     assert ffi.string(ffi.cast("omni_result_t", answers[0])) == "OMNI_ERR_RANGE"
+
+
+def leg(core: Core, bearing_rad: float, speed: float, ticks: int, points_rad: float = 0.0, slip: Any = 0.05) -> None:
+    """Drive straight on without turning, to a side of the body; the sensor points ``points_rad`` to the left."""
+    wheels = (
+        core.matrix @ [math.cos(bearing_rad), math.sin(bearing_rad), 0.0] * speed * TICK_S / RADIUS_M / (1.0 - slip)
+    )
+    seen_rad, way_m = bearing_rad - points_rad, speed * SPAN * TICK_S
+    said = [way_m * math.cos(seen_rad), way_m * math.sin(seen_rad), 0.0]
+    for _ in range(ticks):
+        core.tick(wheels, said if (core.time_us // 1000) % SPAN == SPAN - 1 else None)
+
+
+AHEAD, LEFT = 0.0, math.pi / 2
+
+
+def test_one_that_pointed_elsewhere_is_used_again_only_where_its_direction_shows() -> None:
+    """It is put right, but five metres straight ahead do not tell that, and what told of it is forgotten by then."""
+    core = Core()
+    for bearing_rad in (AHEAD, LEFT):
+        leg(core, bearing_rad, 1.0, 300, math.radians(20.0))
+    assert not core.usable
+    leg(core, AHEAD, 1.0, 5000)
+    assert core.flow.misalignment_rad == 0.0, "not known"
+    assert not core.usable
+    for bearing_rad in (LEFT, AHEAD) * 2:
+        leg(core, bearing_rad, 1.0, 500)
+    assert core.usable
+
+
+def test_one_that_comes_loose_while_it_leads_is_found_on_a_floor_whose_slip_is_known() -> None:
+    """The wheels turn a third further than the robot goes: that is learned, and makes no difference."""
+    core = Core()
+    for bearing_rad in (AHEAD, LEFT) * 3:
+        leg(core, bearing_rad, 0.12, 1000, slip=0.25)
+    assert core.usable
+    for bearing_rad in (LEFT, AHEAD) * 5:
+        leg(core, bearing_rad, 0.12, 300, math.radians(35.0), slip=0.25)
+    assert core.flow.misaligned
+    assert not core.usable
+
+
+class WithGyro(Core):
+    """The sensor measures no turn, a gyro does: the robot does not turn."""
+
+    def __init__(self) -> None:
+        super().__init__(axes=2)
+        self.config.has_gyro, self.config.q_gyro, self.config.p_bias, self.config.p_scale = True, 2.5e-12, 1e-8, 2.5e-5
+        lib.omni_pose_ekf_start_gyro(self.s, self.config)
+        self._turn = ffi.new("omni_ekf_gyro_rate_t *", {"overrides_wheels": True})
+
+    def predict(self, turned: Any) -> None:
+        self.time_us += 1000
+        wheels = ffi.new("float[4]", list(turned))
+        lib.omni_pose_ekf_predict_gyro(self.s, self.config, self.k, wheels, self._turn, self.time_us)
+
+
+def test_wheels_that_turn_a_robot_more_than_its_gyro_does_say_nothing_of_where_a_sensor_points() -> None:
+    """One spins whenever the robot goes ahead, so by the wheels it goes to a side as well, and turns."""
+    core = WithGyro()
+    for _ in range(2):
+        leg(core, AHEAD, 0.5, 500, slip=np.array([0.05, 0.7, 0.05]))
+        leg(core, LEFT, 0.5, 500)
+        assert core.usable
+    assert core.flow.misalignment_rad == 0.0

@@ -287,6 +287,19 @@ def test_wheels_that_skid_teach_no_slip_ratios() -> None:
     assert (np.diag(core.p)[3:6] > sure + 4e-4).all(), "it is less sure of them"
 
 
+def test_a_gyro_that_starts_over_has_nothing_in_common_with_the_pose() -> None:
+    core = Filter()
+    lib.omni_pose_ekf_start_gyro(core.s, core.config)
+    turn_with_fixes(core, 1.0, np.array([0.02, 0.05, 0.08]), np.zeros(3))
+    before = core.p
+    assert (before[:6, 7] != 0.0).all()
+    lib.omni_pose_ekf_start_gyro(core.s, core.config)
+    own = np.diag([P_BIAS, P_SCALE])
+    np.testing.assert_allclose(
+        core.p, np.block([[before[:7, :7], np.zeros((7, 2))], [np.zeros((2, 7)), own]]), rtol=1e-6
+    )
+
+
 def test_slip_that_has_changed_for_good_is_learned_all_the_same() -> None:
     core = Filter()
     lib.omni_pose_ekf_start_gyro(core.s, core.config)

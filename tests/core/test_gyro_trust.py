@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from omniwheel._core import lib
+from omniwheel._core import ffi, lib
 from tests.core.test_gyro import DENSITY, TICK_S, Filter
 
 
@@ -94,6 +94,44 @@ def test_a_bias_that_steps_does_not_turn_a_robot_that_holds_its_heading(step_rad
     assert refused >= lib.OMNI_GYRO_WARNING_TICKS, "it is said"
     assert core.bias[0] == pytest.approx(0.004 + step_rad_s, abs=0.005)
     assert math.sqrt(core.p[2][2]) > 5.0 * abs(step_rad_s), "the heading is as unsure as it was wrong"
+
+
+def turned_unseen(core: Filter, wheels_rad_s: float, seconds: float, share: float = 1.0) -> bool:
+    """Turn the wheels during a share of each second; the gyro sees none of it. Return whether it was used all along.
+
+    In ticks of 20 ms, without the pose filter's.
+    """
+    each, usable = noise(4), True
+    for tick in range(round(seconds / 0.02)):
+        core.time_us += 20_000
+        rate = wheels_rad_s if tick % 50 < 50 * share else 0.0
+        values = {"time_us": core.time_us, "reading": ffi.new("float[3]", [0.0, 0.0, 0.004 + each()]), "valid": 7}
+        values |= {"interval_valid": True, "duration_s": 0.02, "wheel_yaw_rate_rad_s": rate}
+        values |= {"wheels_still": rate == 0.0, "motors_driven": rate != 0.0}
+        told = ffi.new("omni_gyro_tick_t *", values)
+        usable &= bool(lib.omni_gyro_step(core.gyro, core.gyro_config, told, core.s, core.config, core.k))
+    return usable
+
+
+@pytest.mark.parametrize(("wheels_rad_s", "shifts"), [(0.15, True), (0.3, False)])
+def test_only_a_slow_turn_is_a_bias_also_if_the_wheels_turn_half_of_the_time(wheels_rad_s: float, shifts: bool) -> None:
+    core = Filter()
+    core.rest()
+    assert turned(core, 0.5, 0.5, 1.0)
+    assert turned_unseen(core, wheels_rad_s, 14.0, share=0.5) != shifts
+    assert core.bias[0] == pytest.approx(0.004 - wheels_rad_s if shifts else 0.004, abs=2e-3)
+
+
+def test_a_bias_that_has_stepped_is_unsure_and_says_nothing_of_the_scale() -> None:
+    """The old one had something in common with the scale, as after turns with pose fixes."""
+    core = Filter()
+    core.rest()
+    assert turned(core, 0.5, 0.5, 1.0)
+    core.s.p[7][8] = core.s.p[8][7] = 0.5 * math.sqrt(core.s.p[7][7] * core.s.p[8][8])
+    scale_variance = core.s.p[8][8]
+    assert not turned_unseen(core, 0.1, 12.0)
+    assert core.bias == pytest.approx((-0.096, 0.025), rel=0.05)
+    np.testing.assert_allclose(core.p[7:, 7:], np.diag([core.bias[1] ** 2, scale_variance]), rtol=1e-6)
 
 
 def test_wheels_that_slip_while_they_drive_move_no_bias() -> None:

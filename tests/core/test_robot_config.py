@@ -93,3 +93,12 @@ def test_opposed_voltages_move_no_body(wheels: int) -> None:
         columns.append(list(speeds))
     assert np.linalg.norm(opposed) == pytest.approx(1.0 if wheels == 4 else 0.0, abs=1e-6)
     np.testing.assert_allclose(np.array(columns) @ opposed, 0.0, atol=1e-4)
+
+
+def test_four_wheels_that_creep_against_each_other_are_noise_along_the_null_direction() -> None:
+    """Rubber gives way by 2000 N s/m under 3 N, for about a second: the way's variance grows by the sum of all lags."""
+    config = Bench("four_wheel").config.pose_ekf
+    lag_s = np.arange(-20.0, 20.0, 1e-3)
+    density_m2_s = np.sum((3.0 / 2000.0) ** 2 * np.exp(-np.abs(lag_s))) * 1e-3
+    slot_s = lib.OMNI_EKF_SLOT_TICKS * config.step_s
+    assert config.r_null - config.r_count == pytest.approx(density_m2_s * slot_s, rel=1e-3)

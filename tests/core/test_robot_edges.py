@@ -139,3 +139,14 @@ def test_a_track_that_was_lost_is_forgotten_with_the_stop() -> None:
     bench.command(lib.OMNI_SETPOINT_NONE)
     bench.tick(lib.OMNI_EVENT_DISARM, count=300)  # its wheels come to rest
     bench.arm()
+
+
+@pytest.mark.parametrize("mode", [0.0, 1.0, 2.0], ids=["no sensor", "way", "way and turn"])
+def test_a_sensor_of_the_floor_that_has_nothing_to_say_hides_no_fault(mode: float) -> None:
+    bench = Bench(FLOW_MODE=mode)
+    bench.arm()
+    bench.tick(count=10)
+    bench.inputs.battery_V = math.nan
+    assert bench.tick().faults & lib.OMNI_FAULT_NOT_FINITE
+    bench.time_us += 1_000_000
+    assert bench.tick().faults & lib.OMNI_FAULT_TIME
