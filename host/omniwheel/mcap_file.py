@@ -3,8 +3,9 @@
 
 Each kind of MAVLink message is a channel of its own: topic and schema have the message's name, the encoding is JSON.
 An object holds the message's fields, ``source_system`` and ``source_component``; the schema describes them with units.
-A number that is not finite is ``null``. The robot's texts are in the channel ``/log`` too, as ``foxglove.Log``. Times
-are those of the record. The metadata ``parameters`` are the robot's, the attachment ``robot.toml`` is its robot file.
+NaN is ``null``, infinities are ``"Infinity"`` and ``"-Infinity"``. The robot's texts are in the channel ``/log`` too,
+as ``foxglove.Log``. Times are those of the record. The metadata ``parameters`` are the robot's, the attachment
+``robot.toml`` is its robot file.
 """
 
 from __future__ import annotations
@@ -12,9 +13,11 @@ from __future__ import annotations
 import json
 import math
 import struct
+import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from importlib import import_module
+from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 from xml.etree import ElementTree as ET
@@ -24,6 +27,14 @@ from omniwheel.errors import LogError, MissingPackageError
 from omniwheel.paths import dialect_dir
 
 ENDING = ".mcap"
+MAGIC = b"\x89MCAP0\r\n"
+"""First and last bytes of a whole file."""
+RECORD_HEAD = struct.Struct("<BQ")
+"""Opcode and length, before the content of each record."""
+DATA_END = 0x0F
+"""Opcode of the last record before the index, and the highest one that is defined."""
+_END = RECORD_HEAD.pack(0x02, 20) + bytes(20) + MAGIC
+"""A footer and the last bytes, at which the library ends."""
 CHUNK_BYTES = 1 << 16
 """Messages are compressed in pieces of this many bytes. A file that was cut ends with its last whole piece."""
 LOG_TOPIC = "/log"
@@ -63,7 +74,7 @@ def write_mcap(
     Messages of another dialect are left out. Raises MissingPackageError, OSError.
     """
     library = _library("writer")
-    writer = library.Writer(file, chunk_size=CHUNK_BYTES)
+    writer = library.Writer(file, chunk_size=CHUNK_BYTES, enable_data_crcs=True)
     writer.start(profile="", library="omniwheel")
     channels: dict[str, int] = {}
 
@@ -97,7 +108,7 @@ def write_mcap(
 def read_mcap(path: Path) -> McapLog:
     """Read a file that :func:`write_mcap` wrote; of one that was cut, everything up to there.
 
-    Raises MissingPackageError, OSError, and LogError if it is no MCAP file or holds no MAVLink messages.
+    Raises MissingPackageError, OSError, and LogError if it is no MCAP file, is damaged or holds no MAVLink messages.
     """
     kinds: dict[int, str] = {}
     records = bytearray()
@@ -125,19 +136,58 @@ def read_mcap(path: Path) -> McapLog:
 
 
 def _readable(path: Path) -> Iterator[Any]:
-    """Give the records of a file up to where it was cut or is damaged. Raises what :func:`read_mcap` does."""
-    library, problems = _library("stream_reader"), _library("exceptions")
+    """Give the records of a file up to the end of its data, or to where it was cut.
+
+    Raises what :func:`read_mcap` does.
+    """
     with path.open("rb") as file:
-        reader = library.StreamReader(file, validate_crcs=True, record_size_limit=path.stat().st_size)
-        records = reader.records
-        while True:
+        whole = _is_whole(file)
+        at, size, checksum = len(MAGIC), path.stat().st_size, zlib.crc32(MAGIC)
+        file.seek(at)
+        while at < size or whole:
+            record = file.read(RECORD_HEAD.size)
+            opcode, length = RECORD_HEAD.unpack(record) if len(record) == RECORD_HEAD.size else (0, size)
+            record += file.read(min(length, size))
+            if not whole and RECORD_HEAD.size + length > size - at:
+                return  # cut here
+            if not whole and opcode == 0 and not any(record + file.read()):
+                return  # zeros, which a power cut leaves
             try:
-                record = next(records)
-            except problems.InvalidMagic as error:
-                raise LogError(f"{path} is no MCAP file") from error
-            except Exception:  # the end; or it is cut or damaged from here on, and decompressors raise what they like
+                found = _parsed(opcode, length, record, checksum)
+            except MissingPackageError:
+                raise
+            except Exception as error:  # decompressors raise what they like
+                raise LogError(
+                    f"{path} is damaged: {size - at} of its {size} bytes, from byte {at} on, cannot be read: {error!r}",
+                    hint=f"copy what is whole into another file: mcap recover {path.name} -o recovered{ENDING}",
+                ) from error
+            yield from found
+            if opcode == DATA_END:  # an index follows, which nothing here needs
                 return
-            yield record
+            at += len(record)
+            file.seek(at)
+            checksum = zlib.crc32(record, checksum)
+
+
+def _is_whole(file: IO[bytes]) -> bool:
+    """Say whether an MCAP file ends as one that was written to its end. Raises LogError if it does not begin as one."""
+    if file.read(len(MAGIC)) != MAGIC:
+        raise LogError(f"{file.name} is no MCAP file", hint="give a file that Run.save wrote")
+    file.seek(-len(MAGIC), SEEK_END)
+    return file.tell() > 0 and file.read() == MAGIC
+
+
+def _parsed(opcode: int, length: int, record: bytes, checksum: int) -> list[Any]:
+    """Return a record, or those in a chunk of them. Raises what the library and the decompressors do."""
+    if not 0 < opcode <= DATA_END:
+        raise ValueError(f"there is no record of type {opcode}")
+    if len(record) != RECORD_HEAD.size + length:
+        raise ValueError(f"a record of {length} bytes ends after the file")
+    reader = _library("stream_reader").StreamReader(BytesIO(record + _END), skip_magic=True, validate_crcs=True)
+    found: list[Any] = list(reader.records)[:-1]
+    if opcode == DATA_END and found[0].data_section_crc not in (0, checksum):
+        raise ValueError("the checksum of all its data is another")
+    return found
 
 
 @cache
@@ -159,9 +209,11 @@ def schema_of(kind: str) -> dict[str, Any]:
 
 _JSON_TYPES: dict[str, str | list[str]] = {
     "char": "string",
-    "float": ["number", "null"],
-    "double": ["number", "null"],
+    "float": ["number", "string", "null"],
+    "double": ["number", "string", "null"],
 }
+_INFINITIES = {math.inf: "Infinity", -math.inf: "-Infinity"}
+"""As protobuf writes them into JSON, which has no numbers for them."""
 
 
 def _array_length(message: Any, name: str) -> int:
@@ -192,7 +244,9 @@ def _content(message: Message) -> dict[str, Any]:
 def _as_json(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_as_json(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+    if isinstance(value, float) and not math.isfinite(value):
+        return _INFINITIES.get(value)
+    return value
 
 
 def _frame(kind: str, content: dict[str, Any], sequence: int) -> bytes:
@@ -210,7 +264,9 @@ def _from_json(value: Any, number_type: str) -> Any:
         return [_from_json(item, number_type) for item in value]
     if number_type == "char":
         return value.encode()
-    return math.nan if value is None else value
+    if value is None:
+        return math.nan
+    return float(value) if value in _INFINITIES.values() else value
 
 
 def _log_entry(time_ns: int, message: Message) -> dict[str, Any]:

@@ -223,20 +223,20 @@ _KINDS = f"endings are {', '.join(ENDINGS)}"
 def load(path: Path | str, *, mapping: Path | str | None = None) -> Run:
     """Read a log of any kind: a telemetry log, a run's folder, what :meth:`Run.save` wrote, an imported log.
 
-    ``mapping`` says which column of a CSV file is what (docs/guides/logs.md). Raises LogError, SchemaError,
-    DatasetError.
+    ``mapping`` says which column of a CSV file, or topic of a ROS bag, is what (docs/guides/logs.md). Raises LogError,
+    SchemaError, DatasetError.
     """
     path = Path(path)
     name = path.stem
-    if path.is_dir():
-        return _loaded_folder(path)
-    if not path.is_file():
+    if not (path.is_file() or path.is_dir()):
         raise LogError(f"there is no log {path}", hint=f"a log is {LOG_KINDS}")
     if mapping is not None:
         from omniwheel.logs.importer import import_log
         from omniwheel.logs.mapping import read_mapping
 
         return Run(_record_of_wheels(import_log(path, read_mapping(Path(mapping)), None)[0]), name=name)
+    if path.is_dir():
+        return _loaded_folder(path)
     if path.suffix == ".csv":
         return Run(_record_of_columns(read_table(path, _CSV).columns), name=name)
     if path.suffix == ".npz":

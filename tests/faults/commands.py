@@ -119,7 +119,7 @@ def _driven_geometry() -> Any:
     return _patched(
         omni__cli__identify_geometry_live___robot=lambda *_: nullcontext(),
         omni__cli__identify_geometry_live___truth=lambda *_, **__: nullcontext(),
-        omniwheel__identification__geometry_drive__drive_geometry=lambda *_, **__: logs,
+        omniwheel__identification__geometry_drive__drive_geometry=lambda *_, save, **__: save(logs[0]) or logs,
         omniwheel__identification__geometry_drive__fit_driven=lambda *_: DrivenGeometry(
             _geometry(), logs, run, replace(run, rms_m=0.01)
         ),

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import sys
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,7 @@ from omniwheel.mcap_file import CHUNK_BYTES, read_mcap, schema_of
 from omniwheel.paths import robots_dir
 from omniwheel.robots import read_robot
 from omniwheel.run import COLUMNS
+from omniwheel.tlog_reader import TlogReader
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +99,9 @@ def test_the_package_mcap_reads_texts_parameters_and_robot_file(run: Run, saved:
 @pytest.mark.full
 def test_a_file_that_was_cut_opens_up_to_there(run: Run, saved: Path, tmp_path: Path) -> None:
     whole = saved.read_bytes()
-    total = len(read_mcap(saved).records)
+    whole_records = read_mcap(saved).records
+    assert whole_records == run.records
+    total = len(whole_records)
     kept = []
     for share in np.linspace(0.0, 1.0, 60):
         path = tmp_path / "cut.mcap"
@@ -106,7 +110,7 @@ def test_a_file_that_was_cut_opens_up_to_there(run: Run, saved: Path, tmp_path: 
             records = read_mcap(path).records
         except LogError:
             records = b""
-        assert run.records.startswith(records[:8])
+        assert whole_records.startswith(records)
         kept.append(len(records))
     assert kept == sorted(kept)
     assert kept[-1] == total
@@ -115,17 +119,71 @@ def test_a_file_that_was_cut_opens_up_to_there(run: Run, saved: Path, tmp_path: 
     assert len({size for size in kept if size}) > 3
 
 
+def chunks_of(path: Path) -> list[tuple[int, int]]:
+    """First byte and length of each compressed chunk."""
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    return sorted((chunk.chunk_start_offset, chunk.chunk_length) for chunk in summary.chunk_indexes)
+
+
+@pytest.mark.parametrize(
+    ("at", "cut"), [("data", False), ("length", False), ("opcode", False), ("data", True), ("opcode", True)]
+)
+def test_damage_in_the_middle_is_no_end(saved: Path, at: str, cut: bool) -> None:
+    chunks = chunks_of(saved)
+    assert len(chunks) > 2
+    start, length = chunks[1]
+    place = {"data": start + length // 2, "length": start + 1, "opcode": start}[at]
+    content = bytearray(saved.read_bytes())
+    content[place] ^= 0x55
+    saved.write_bytes(content[:-20] if cut else content)
+    with pytest.raises(LogError) as caught:
+        read_mcap(saved)
+    assert str(saved) in str(caught.value)
+
+
+def test_a_damaged_parameter_is_found(saved: Path) -> None:
+    content = bytearray(saved.read_bytes())
+    content[content.index(b"LIM_V") + 4] ^= 1
+    saved.write_bytes(content)
+    with pytest.raises(LogError):
+        read_mcap(saved)
+
+
+@pytest.mark.parametrize("tail", [b"", bytes(4096)], ids=["short", "zeros of a power cut"])
+def test_a_cut_tail_is_an_end(run: Run, saved: Path, tail: bytes) -> None:
+    start, length = chunks_of(saved)[-1]
+    for size in (start, start + 5, start + length // 2 if not tail else start):
+        content = saved.read_bytes()
+        path = saved.with_name("cut.mcap")
+        path.write_bytes(content[:size] + tail)
+        records = read_mcap(path).records
+        assert 0 < len(records) < len(run.records)
+        assert run.records.startswith(records)
+
+
+def test_damage_in_the_index_loses_nothing(run: Run, saved: Path) -> None:
+    content = bytearray(saved.read_bytes())
+    content[-60:] = bytes(60)
+    saved.write_bytes(content)
+    assert read_mcap(saved).records == run.records
+
+
 def test_numbers_that_are_not_finite_are_kept(tmp_path: Path) -> None:
     from omniwheel.dialect import mavlink
 
     codec = mavlink.MAVLink(None, 1, 1)
-    message = mavlink.MAVLink_omni_wheels_message(
-        0, [float("nan")] * 4, [0.0] * 4, [float("inf")] * 4, [0.0] * 4, [0.0] * 4, 1, 1
-    )
-    Run.from_records(bytes(8) + bytes(message.pack(codec))).save(tmp_path / "nan.mcap")
-    assert messages_of(tmp_path / "nan.mcap", "/OMNI_WHEELS")[0]["speed"] == [None] * 4
-    assert schema_of("OMNI_WHEELS")["properties"]["speed"]["items"]["type"] == ["number", "null"]
-    assert read_mcap(tmp_path / "nan.mcap").records
+    numbers = [math.nan, math.inf, -math.inf, 1.5]
+    message = mavlink.MAVLink_omni_wheels_message(0, numbers, [0.0] * 4, numbers[::-1], [0.0] * 4, [0.0] * 4, 1, 1)
+    path = tmp_path / "nan.mcap"
+    Run.from_records(bytes(8) + bytes(message.pack(codec))).save(path)
+    written = messages_of(path, "/OMNI_WHEELS")[0]
+    assert written[message.fieldnames[1]] == [None, "Infinity", "-Infinity", 1.5]
+    assert schema_of("OMNI_WHEELS")["properties"]["speed"]["items"]["type"] == ["number", "string", "null"]
+    (again,) = TlogReader(path, records=read_mcap(path).records)
+    for name in message.fieldnames:
+        np.testing.assert_array_equal(getattr(again, name), getattr(message, name))
 
 
 @pytest.mark.parametrize("content", [b"", b"no such file" * 20])

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -28,7 +28,7 @@ from omni.cli.common import (
 from omni.cli.identify_geometry import print_study
 from omni.cli.log_options import RobotFileOption, RobotOption
 from omni.cli.options import SOURCE, OwnSeedOption, RoomOption
-from omniwheel.errors import LogError
+from omniwheel.errors import LogError, OutputFileError
 from omniwheel.frames import Pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.robots import read_robot
@@ -84,6 +84,7 @@ def identify_geometry_live(
     """
     from omniwheel.identification.geometry_drive import drive_geometry, fit_driven, reach_m
     from omniwheel.identification.pose_fit.wheel_model import wheel_model
+    from omniwheel.logs.log import save_log
 
     _require_choices(link, source, simulated, tape=tape)
     if out is not None:
@@ -99,17 +100,19 @@ def identify_geometry_live(
     def tell(name: str) -> None:
         note(f"{name} …", quiet=as_json)
 
+    def save(log: WheelLog) -> None:
+        if logs is not None:
+            save_log(log, logs / f"{log.name.replace(' ', '_')}.npz")
+
+    if logs is not None:
+        _make_folder(logs)
     with (
         signals_interrupt(),
         _robot(link, nominal, simulated, seed, timeout) as connected,
         _truth(connected, source, room, tape=tape, seed=seed) as truth,
     ):
-        driven = drive_geometry(connected, layout, room, truth, tell)
-    try:
-        _finish(fit_driven(driven, layout), robot, out, as_json)
-    finally:
-        if logs is not None:
-            _save(driven, logs)
+        driven = drive_geometry(connected, layout, room, truth, tell, save=save)
+    _finish(fit_driven(driven, layout), robot, out, as_json)
 
 
 def _require_choices(link: str | None, source: str | None, simulated: str | None, *, tape: bool) -> None:
@@ -201,9 +204,14 @@ def _finish(found: DrivenGeometry, robot: str, out: Path | None, as_json: bool) 
     from omniwheel.identification.pose_fit.robot_file import write_geometry
 
     if as_json:
-        written = write_geometry(found.study, robot, out) if out is not None and found.is_better else None
         check = {"before": score_data(found.before), "after": score_data(found.after), "is_better": found.is_better}
-        print_json({**study_data(found.study), "check": check, "file": None if written is None else str(written)})
+        told = {**study_data(found.study), "check": check, "file": None}
+        try:
+            written = write_geometry(found.study, robot, out) if out is not None and found.is_better else None
+        except OutputFileError as error:
+            error.found = told
+            raise
+        print_json({**told, "file": None if written is None else str(written)})
     else:
         print_study(found.study)
         before, after = found.before, found.after
@@ -222,14 +230,11 @@ def _finish(found: DrivenGeometry, robot: str, out: Path | None, as_json: bool) 
         console.print(f"\n[bold]{escape(str(write_geometry(found.study, robot, out)))}[/]", soft_wrap=True)
 
 
-def _save(logs: Sequence[WheelLog], folder: Path) -> None:
-    """Save the runs. Raises OutputFileError."""
+def _make_folder(folder: Path) -> None:
+    """Make the folder of the runs. Raises OutputFileError."""
     from omniwheel import files
-    from omniwheel.logs.log import save_log
 
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise files.write_error(folder, error) from error
-    for log in logs:
-        save_log(log, folder / f"{log.name.replace(' ', '_')}.npz")

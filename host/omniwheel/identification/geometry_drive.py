@@ -48,8 +48,10 @@ LARGEST_STEP_M, LARGEST_STEP_RAD = 0.03, 0.1
 """Distance by which the estimate of a robot at rest may differ from the pose that was set."""
 SETTLED_S = 1.0
 TRUTH_TIMEOUT_S = 3.0
-TRUTH_GAP_S = 3.0
-"""Time without a measured pose after which a run ends."""
+LONGEST_GAP_S = 3.0
+"""Time without a measured pose after which a slow run ends; a faster one ends sooner (:func:`longest_gap_s`)."""
+GAP_SHARE = 0.5
+"""Share of the margin that is driven without a pose; in the rest the robot brakes."""
 LEAST_POSES = 20
 DIRECTIONS = 24
 LOOP_SHARE = 0.7
@@ -175,6 +177,11 @@ def reach_m(room_m: float, layout: WheelModel) -> float:
     return reach
 
 
+def longest_gap_s(speed_m_s: float) -> float:
+    """Return how long [s] a robot of this speed may drive without a measured pose: it stops within the margin."""
+    return min(LONGEST_GAP_S, GAP_SHARE * MARGIN_M / speed_m_s)
+
+
 class Tape:
     """Poses from a tape measure: ``ask`` returns the robot's pose in the room, at rest, after the run of that name."""
 
@@ -191,7 +198,10 @@ class Tape:
     def take(self) -> None:
         """Take what has been measured: nothing while the robot drives."""
 
-    def check(self, largest_m: float) -> None:
+    def require_recent(self, gap_s: float) -> None:
+        """Nothing is known while the robot drives."""
+
+    def check(self, largest_m: float, gap_s: float) -> None:
         """Nothing is known while the robot drives."""
 
     def truth(self, data: Dataset, start: Pose, end: Pose) -> Truth:
@@ -208,6 +218,7 @@ class Stream:
         self._home: Pose | None = None
         self._rows: list[tuple[float, Pose]] = []
         self._error: MocapError | None = None
+        self._begun_s = source.clock()
 
     def at_rest(self, where: str) -> Pose:
         """Return where the robot is now, by a fresh pose; the first one is the origin. Raises MocapLostError."""
@@ -230,6 +241,7 @@ class Stream:
         """Begin a run: forget what was measured before."""
         self.take()
         self._rows.clear()
+        self._begun_s = self._source.clock()
 
     def take(self) -> None:
         """Take the poses that have arrived."""
@@ -239,12 +251,25 @@ class Stream:
         except MocapError as error:
             self._error = error
 
-    def check(self, largest_m: float) -> None:
-        """Raise DriveError where the robot is outside of the room, MocapError where its poses stopped."""
+    def require_recent(self, gap_s: float) -> None:
+        """Raise MocapError unless a pose has come since the run began, taken within ``gap_s`` [s]."""
+        self.take()
         self._raise()
-        silent_s = self._source.clock() - self._rows[-1][0] if self._rows else 0.0
-        if silent_s > TRUTH_GAP_S:
-            raise MocapLostError(f"no pose of the robot for {TRUTH_GAP_S:g} s", hint="check that the cameras see it")
+        if not self._rows or self._source.clock() - self._rows[-1][0] > gap_s:
+            raise MocapLostError(
+                f"no pose of the robot within {gap_s:.2g} s before the run", hint="check that the cameras see it"
+            )
+
+    def check(self, largest_m: float, gap_s: float) -> None:
+        """Raise DriveError where the robot is outside of the room, MocapError after ``gap_s`` without a pose.
+
+        Until the first pose of a run comes, the time since its begin counts.
+        """
+        self.take()
+        self._raise()
+        last_s = self._rows[-1][0] if self._rows else self._begun_s
+        if self._source.clock() - last_s > gap_s:
+            raise MocapLostError(f"no pose of the robot for {gap_s:.2g} s", hint="check that the cameras see it")
         if not self._rows or self._home is None:
             return
         here = relative_pose(self._home, self._centre(self._rows[-1][1]))
@@ -304,11 +329,13 @@ def drive_geometry(
     tell: Tell = lambda _: None,
     *,
     speed_m_s: float | None = None,
+    save: Callable[[WheelLog], None] = lambda _: None,
 ) -> list[WheelLog]:
     """Drive the runs and return their logs, the check run last. The robot is at rest and disarmed at the end.
 
-    Nothing moves if the room is too small, the robot is another one, cannot drive so fast, or no pose comes. Raises
-    LimitError, DriveError, StoppedError, MocapError, LinkError, DatasetError.
+    Nothing moves if the room is too small, the robot is another one, cannot drive so fast, or no pose comes. ``save``
+    gets each log when its run has ended, so that a later failure does not lose it. Raises LimitError, DriveError,
+    StoppedError, MocapError, LinkError, DatasetError, and what ``save`` raises.
     """
     reach = reach_m(room_m, layout)
     inside_m = 0.5 * room_m - layout.distance_m - layout.radius_m
@@ -329,6 +356,7 @@ def drive_geometry(
             data, end = _drive(robot, plan, truth, start, inside_m, pace, parameters)
             measured = truth.truth(data, start, end)
             logs.append(_log(plan.name, data, parameters["ENC_CPR"], measured))
+            save(logs[-1])
             start = end
     finally:
         robot.set_message_interval("OMNI_SAMPLE", None)
@@ -363,12 +391,14 @@ def _drive(
 ) -> tuple[Dataset, Pose]:
     """Drive one run from rest to rest, disarmed at the end; return what was recorded and where the robot is then."""
     _set_estimate(robot, start)
-    progress: Progress = lambda _: truth.check(inside_m)  # noqa: E731
+    gap_s = longest_gap_s(pace.speed_m_s)
+    progress: Progress = lambda _: truth.check(inside_m, gap_s)  # noqa: E731
     recorder = _Recorder(truth)
     remove = robot.connection.add_listener(recorder)
     try:
         truth.begin()
         robot.pump(REST_S)
+        truth.require_recent(gap_s)
         robot.arm()
         here = start
         for goal in plan.goals:

@@ -79,6 +79,11 @@ def read_motive(path: Path, options: MotiveOptions) -> MotiveTrack:
     settings = dict(zip(lines[0][::2], lines[0][1::2], strict=False))
     chosen, is_body = _columns_of(path, header, options.body)
     rotation = settings.get("Rotation Type", "") if is_body else ""
+    if is_body and not rotation:
+        raise LogError(
+            f"{path}: the settings in its first line have no rotation type, so the body's heading is unknown",
+            hint="export with the rotation type Quaternion, or choose a marker, which needs none: truth.body",
+        )
     names = _pose_columns(path, header, chosen, rotation)
     time_s, cells = _numbers(path, lines, first, names)
     seen = np.all(np.isfinite(cells), axis=1)

@@ -32,6 +32,10 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 TOPICS_SHOWN = 20
 HEADER, RECEIVED = "header", "received"
 CLOCKS = (HEADER, RECEIVED)
+UNIT_TOLERANCE = 0.01
+"""Deviation of a quaternion's length from 1."""
+MOST_DROPPED = 0.05
+"""Share of the poses that may be left out because they are not finite: a tracker that now and then sees nothing."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,10 @@ class BagTopics:
 
 @dataclass(frozen=True)
 class BagPoses:
-    """Poses of the truth topic: ``time_s`` (n,) [s], ``xy`` (n, 2) [m], ``theta`` (n,) [rad] unwrapped."""
+    """Poses of the truth topic: ``time_s`` (n,) [s], ``xy`` (n, 2) [m], ``theta`` (n,) [rad] unwrapped.
+
+    Where a message had no pose, place and heading are NaN.
+    """
 
     time_s: Array
     xy: Array
@@ -56,16 +63,22 @@ class BagPoses:
 
 
 def is_bag(path: Path) -> bool:
-    """Say whether a path is a ROS bag: a folder with metadata.yaml, an .mcap file of ROS, or a .bag file."""
+    """Say whether a path is a ROS bag: a folder with metadata.yaml, an .mcap file of ROS, or a .bag file.
+
+    Raises LogError for an .mcap file that cannot be read.
+    """
     if (path / "metadata.yaml").is_file():
         return True
     return path.is_file() and (path.suffix == ".bag" or (path.suffix == ".mcap" and _profile(path).startswith(b"ros")))
 
 
 def _profile(path: Path) -> bytes:
-    """Return the profile of an MCAP file, which its header begins with: ros1, ros2, or empty. Raises OSError."""
-    with path.open("rb") as file:
-        head = file.read(64)
+    """Return the profile of an MCAP file, which its header begins with: ros1, ros2, or empty. Raises LogError."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(64)
+    except OSError as error:
+        raise LogError(f"{path} cannot be read: {error.strerror}") from error
     at = len(MCAP_MAGIC) + 1 + 8  # a record's opcode and length
     length = int.from_bytes(head[at : at + 4], "little")
     return head[at + 4 : at + 4 + length] if head.startswith(MCAP_MAGIC) else b""
@@ -151,7 +164,10 @@ def _joint_rows(
 
 
 def _poses(path: Path, reader: Any, truth: Any, topics: BagTopics, start_ns: int) -> BagPoses:
-    """Return the poses of a topic in the order of their stamps. Raises LogError."""
+    """Return the poses of a topic in the order of their stamps.
+
+    Raises LogError where a quaternion's length is not 1, or where many poses are not finite.
+    """
     found = []
     for message, received in _messages(reader, truth):
         pose = message
@@ -159,12 +175,35 @@ def _poses(path: Path, reader: Any, truth: Any, topics: BagTopics, start_ns: int
             pose = getattr(pose, name)
         place = pose.translation if hasattr(pose, "translation") else pose.position
         turn = pose.rotation if hasattr(pose, "rotation") else pose.orientation
-        heading = np.arctan2(2.0 * (turn.w * turn.z + turn.x * turn.y), 1.0 - 2.0 * (turn.y**2 + turn.z**2))
-        found.append((1e-9 * (_stamp(path, topics, message, received) - start_ns), place.x, place.y, heading))
+        time_s = 1e-9 * (_stamp(path, topics, message, received) - start_ns)
+        found.append((time_s, place.x, place.y, turn.x, turn.y, turn.z, turn.w))
     if not found:
         raise LogError(f"{path}: {topics.truth} has no messages", hint="correct bag.truth in the column mapping")
-    table = np.array(sorted(found), dtype=np.float64)
-    return BagPoses(table[:, 0], table[:, 1:3], np.unwrap(table[:, 3]))
+    table = np.array(found, dtype=np.float64)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    known = np.all(np.isfinite(table), axis=1)
+    if np.mean(~known) > MOST_DROPPED:
+        raise LogError(
+            f"{path}: {np.sum(~known)} of the {len(known)} poses of {topics.truth} are not finite",
+            hint="record while the tracker sees the robot, or cut the bag to that time",
+        )
+    poses = np.full((len(table), 3), np.nan)
+    poses[known, :2] = table[known, 1:3]
+    poses[known, 2] = np.unwrap(_headings(path, topics.truth, table[known, 0], table[known, 3:]))
+    return BagPoses(table[:, 0], poses[:, :2], poses[:, 2])
+
+
+def _headings(path: Path, topic: str, time_s: Array, quaternions: Array) -> Array:
+    """Return the headings (n,) [rad] of quaternions (n, 4) x y z w. Raises LogError where a length is not 1."""
+    length = np.linalg.norm(quaternions, axis=1)
+    worst = int(np.argmax(np.abs(length - 1.0)))
+    if abs(length[worst] - 1.0) > UNIT_TOLERANCE:
+        raise LogError(
+            f"{path}: a quaternion of {topic} at {time_s[worst]:.3f} s has the length {length[worst]:.3g} instead of 1",
+            hint="correct the program that publishes these poses: 0, 0, 0, 0 is no orientation",
+        )
+    x, y, z, w = (quaternions / length[:, None]).T
+    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
 
 
 def _messages(reader: Any, connections: Any) -> Iterator[tuple[Any, int]]:

@@ -65,6 +65,12 @@ def test_a_marker_has_a_position_only(tmp_path: Path, pose: Array) -> None:
     assert np.all(np.isnan(track.theta))
 
 
+@pytest.mark.parametrize("setting", ["", "Rotation Type,,"])
+def test_a_marker_needs_no_rotation_type(tmp_path: Path, pose: Array, setting: str) -> None:
+    path = changed(write_take(tmp_path / "take.csv", pose, marker=True), "Rotation Type,Quaternion,", setting)
+    assert np.allclose(read_motive(path, MotiveOptions()).xy, pose[:, :2], atol=1e-5)
+
+
 def test_an_import_takes_a_take_as_truth(
     tmp_path: Path, files: Path, pose: Array, mapping: Mapping, robot: Robot
 ) -> None:
@@ -110,6 +116,8 @@ def test_a_take_that_does_not_fit_is_refused(
         ("Frame,Time (Seconds)", "Picture,Time (Seconds)", "header"),
         ("Rotation Type,Quaternion", "Rotation Type,Rodrigues", "Rodrigues"),
         ("Rotation Type,Quaternion", "Rotation Type,XYZ", "XYZ"),
+        ("Rotation Type,Quaternion", "Rotation Type,", "rotation type"),
+        ("Rotation Type,Quaternion,", "", "rotation type"),
         ("\n7,0.070000,", "\n7,noon,", ":15"),
         ("Position,Position,Position,Mean", "Place,Place,Place,Mean", "position"),
     ],

@@ -3,19 +3,23 @@
 
 from __future__ import annotations
 
+import errno
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+import omniwheel
 from omni_schema import Robot
 from omniwheel.errors import LogError
 from omniwheel.log_sources import open_log
 from omniwheel.logs.importer import import_log
 from omniwheel.logs.mapping import read_mapping
+from omniwheel.logs.rosbag import is_bag
 
 TYPES = get_typestore(Stores.ROS2_HUMBLE)
 ROWS = 200
@@ -45,10 +49,12 @@ def stamp(time_s: float, *, stamped: bool) -> Any:
     return TYPES.types["std_msgs/msg/Header"](stamp=time, frame_id="map")
 
 
-def pose_message(kind: str, time_s: float, place: tuple[float, float], theta: float, *, stamped: bool) -> Any:
+def pose_message(
+    kind: str, time_s: float, place: tuple[float, float], theta: float, *, stamped: bool, length: float = 1.0
+) -> Any:
     types = TYPES.types
     header = stamp(time_s, stamped=stamped)
-    turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, np.sin(0.5 * theta), np.cos(0.5 * theta))
+    turn = types["geometry_msgs/msg/Quaternion"](0.0, 0.0, length * np.sin(0.5 * theta), length * np.cos(0.5 * theta))
     if kind == "geometry_msgs/msg/TransformStamped":
         moved = types["geometry_msgs/msg/Transform"](types["geometry_msgs/msg/Vector3"](*place, 0.1), turn)
         return types[kind](header, "robot", moved)
@@ -72,8 +78,12 @@ def write_bag(
     stamped: bool = True,
     mcap: bool = False,
     velocity_only: bool = False,
+    lengths: Mapping[int, float] | None = None,
 ) -> Path:
-    """Write wheels and poses; every other joint state is of an arm, which has joints of its own."""
+    """Write wheels and poses; every other joint state is of an arm, which has joints of its own.
+
+    ``lengths`` are those of the quaternions in some rows; the others have length 1.
+    """
     storage = StoragePlugin.MCAP if mcap else StoragePlugin.SQLITE3
     with Writer(folder, version=9, storage_plugin=storage) as bag:
         wheels = bag.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=TYPES)
@@ -87,7 +97,9 @@ def write_bag(
                     stamp(time_s, stamped=stamped), list(names), position, speed, np.zeros(0)
                 )
                 bag.write(wheels, now, TYPES.serialize_cdr(state, state.__msgtype__))
-            pose = pose_message(kind, time_s + 0.5, (0.1 * time_s, -0.2), 2.0 * time_s, stamped=stamped)
+            length = (lengths or {}).get(row, 1.0)
+            place = (0.1 * time_s, -0.2)
+            pose = pose_message(kind, time_s + 0.5, place, 2.0 * time_s, stamped=stamped, length=length)
             bag.write(mocap, now, TYPES.serialize_cdr(pose, kind))
     return folder
 
@@ -113,6 +125,61 @@ def test_wheels_and_poses_come_back(tmp_path: Path, robot: Robot, kind: str, mca
     assert np.allclose(log.truth.time_s, time + 0.5, atol=1e-6)
     assert np.allclose(log.truth.xy, np.column_stack((0.1 * time, np.full(ROWS, -0.2))))
     assert np.allclose(log.truth.theta, 2.0 * time)
+
+
+def test_poses_that_are_not_finite_are_left_out_and_counted(tmp_path: Path) -> None:
+    unseen = [40, 41, 42, 120]
+    bag = write_bag(tmp_path / "bag", lengths=dict.fromkeys(unseen, np.nan))
+    log, summary = import_log(bag, read_mapping(mapping(tmp_path)))
+    time = PERIOD_S * np.setdiff1d(np.arange(ROWS), unseen)
+    assert summary.truth_dropped_rows == len(unseen)
+    assert log.truth is not None
+    assert np.allclose(log.truth.time_s, time + 0.5, atol=1e-6)
+    assert np.allclose(log.truth.theta, 2.0 * time)
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        dict.fromkeys(range(50, 100), np.nan),
+        dict.fromkeys(range(ROWS), np.nan),
+        {7: 0.0},
+        {7: 1.5},
+        dict.fromkeys(range(ROWS), 0.9),
+    ],
+    ids=["a quarter not finite", "none finite", "one without orientation", "one too long", "all too short"],
+)
+def test_poses_that_are_none_are_refused(tmp_path: Path, lengths: dict[int, float]) -> None:
+    bag = write_bag(tmp_path / "bag", lengths=lengths)
+    with pytest.raises(LogError) as caught:
+        import_log(bag, read_mapping(mapping(tmp_path)))
+    assert "/mocap" in str(caught.value)
+
+
+def test_quaternions_are_normalised_within_the_tolerance(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", lengths=dict.fromkeys(range(ROWS), 1.004))
+    log, _ = import_log(bag, read_mapping(mapping(tmp_path)))
+    assert log.truth is not None
+    assert np.allclose(log.truth.theta, 2.0 * PERIOD_S * np.arange(ROWS))
+
+
+def test_a_bag_is_loaded_as_a_run_by_a_mapping(tmp_path: Path) -> None:
+    run = omniwheel.load(write_bag(tmp_path / "bag"), mapping=mapping(tmp_path))
+    assert run.name == "bag"
+    assert np.allclose(run.wheel_time_s, PERIOD_S * np.arange(ROWS), atol=1e-6)
+
+
+def test_a_file_that_cannot_be_opened_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "bag.mcap"
+    path.write_bytes(b"")
+
+    def refuse(*_: object) -> IO[bytes]:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(LogError) as caught:
+        is_bag(path)
+    assert str(path) in str(caught.value)
 
 
 def test_the_time_of_recording_stands_in_for_missing_stamps(tmp_path: Path) -> None:

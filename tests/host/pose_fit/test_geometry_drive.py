@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,23 +16,34 @@ from typer.testing import CliRunner
 
 from hil_sim.scenario import load_scenario
 from omni.cli import app
+from omni.cli import identify_geometry_live as command
 from omni_schema import Robot as RobotFile
-from omniwheel.errors import DriveError, LimitError, MocapLostError, OmniError, StoppedError
+from omniwheel.errors import DriveError, LimitError, MocapLostError, OmniError, OutputFileError, StoppedError
 from omniwheel.frames import Pose
+from omniwheel.identification import geometry_drive
 from omniwheel.identification.geometry_drive import (
+    MARGIN_M,
+    SPEED_M_S,
     DrivenGeometry,
     Stream,
     Tape,
     drive_geometry,
     fit_driven,
+    longest_gap_s,
     planned_runs,
     reach_m,
     relative_pose,
 )
+from omniwheel.identification.pose_fit import robot_file
+from omniwheel.identification.pose_fit.scores import Score
+from omniwheel.identification.pose_fit.study import identify_geometry
 from omniwheel.identification.pose_fit.wheel_model import WheelModel, wheel_model
+from omniwheel.logs.log import WheelLog
 from omniwheel.mocap.simulated import Cameras, SimulatedSource
+from omniwheel.mocap.source import MocapPose
 from omniwheel.robots import read_robot
 from omniwheel.simulation import SimulatedRobot, simulate
+from tests.host.pose_fit.robots import THREE, drive, runs, true_values
 
 NAME = "fast_three_wheel"
 ROOM_M = 2.6
@@ -146,7 +157,7 @@ class Interrupted(Stream):
     at_s = math.inf
     error: BaseException = KeyboardInterrupt()
 
-    def check(self, largest_m: float) -> None:
+    def check(self, largest_m: float, gap_s: float) -> None:
         self._checked = getattr(self, "_checked", 0) + 1
         if self._checked == 40:
             raise self.error
@@ -167,12 +178,11 @@ def test_an_interruption_ends_at_rest(error: BaseException) -> None:
 def test_a_robot_that_leaves_its_room_and_cameras_that_see_nothing_end_the_drive() -> None:
     with simulated() as robot:
         truth = stream(robot)
-        truth.check(1.0)
+        truth.check(1.0, 1.0)
         truth.at_rest("start")
 
         def watch(_: object) -> None:
-            truth.take()
-            truth.check(0.1)
+            truth.check(0.1, 1.0)
 
         robot.arm()
         with pytest.raises(DriveError):
@@ -182,6 +192,77 @@ def test_a_robot_that_leaves_its_room_and_cameras_that_see_nothing_end_the_drive
         with pytest.raises(MocapLostError):
             drive_geometry(robot, layout(), ROOM_M, stream(robot, Cameras(drop_probability=1.0)))
         require_rest(robot)
+
+
+class Blinding:
+    """Cameras that see nothing from ``blind_s`` on the robot's clock on."""
+
+    def __init__(self, robot: SimulatedRobot, blind_s: float = math.inf) -> None:
+        self.blind_s = blind_s
+        self._source = SimulatedSource(
+            lambda _: robot.simulation.true_pose,
+            cameras=Cameras(latency_s=0.0),
+            clock=robot.connection.clock,
+            sleep=robot.pump,
+        )
+        self.clock = self._source.clock
+
+    def read(self, timeout_s: float) -> MocapPose | None:
+        seen = self._source.read(timeout_s)
+        return seen if seen is None or seen.taken_s < self.blind_s else None
+
+
+@pytest.mark.parametrize("when", ["before the run", "at its start", "on its way"])
+def test_a_robot_that_is_not_seen_stays_within_the_margin(when: str) -> None:
+    with simulated() as robot:
+        source = Blinding(robot)
+        armed_at: list[float] = []
+
+        def blind(_: object) -> None:
+            now_s = robot.connection.clock()
+            if robot.status.armed and not armed_at:
+                armed_at.append(now_s)
+                if when == "at its start":
+                    source.blind_s = now_s
+            if when == "on its way" and robot.simulation.true_pose.x > 0.2:
+                source.blind_s = min(source.blind_s, now_s)
+
+        truth = Stream(source, Pose(0.0, 0.0, 0.0), robot.pump)
+        if when == "before the run":
+            begin = truth.begin
+
+            def begin_blind() -> None:
+                begin()
+                source.blind_s = robot.connection.clock()
+
+            truth.begin = begin_blind  # type: ignore[method-assign]
+        robot.connection.add_listener(blind)
+        with pytest.raises(MocapLostError):
+            drive_geometry(robot, layout(), ROOM_M, truth)
+        require_rest(robot)
+        assert bool(armed_at) == (when != "before the run")
+        unseen_m = robot.simulation.true_pose.x - (0.2 if when == "on its way" else 0.0)
+        assert unseen_m < MARGIN_M
+
+
+def test_a_run_in_which_no_pose_comes_is_ended() -> None:
+    with simulated() as robot:
+        source = Blinding(robot)
+        truth = Stream(source, Pose(0.0, 0.0, 0.0), robot.pump)
+        truth.at_rest("start")
+        source.blind_s = 0.0
+        truth.begin()
+        truth.check(1.0, 0.5)
+        robot.pump(0.6)
+        with pytest.raises(MocapLostError):
+            truth.check(1.0, 0.5)
+        with pytest.raises(MocapLostError):
+            truth.require_recent(0.5)
+
+
+@pytest.mark.parametrize("speed_m_s", [0.01, SPEED_M_S, 1.0])
+def test_the_margin_is_not_crossed_without_a_pose(speed_m_s: float) -> None:
+    assert speed_m_s * longest_gap_s(speed_m_s) < MARGIN_M
 
 
 def wrong_wheels() -> WheelModel:
@@ -267,3 +348,63 @@ def test_the_command_writes_the_robot_file_and_the_logs(tmp_path: Path) -> None:
 def test_wrong_options_are_refused_before_the_robot_is_looked_for(options: list[str]) -> None:
     result = CliRunner().invoke(app, ["identify", "geometry-live", "--robot", NAME, *options])
     assert result.exit_code == 2
+
+
+def test_runs_that_ended_are_kept_where_a_later_one_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    log = drive(THREE, true_values(THREE, 5), 1, duration_s=2.0)
+
+    def fail_in_the_third(*_: object, save: Callable[[WheelLog], None], **__: object) -> None:
+        save(replace(log, name="ahead"))
+        save(replace(log, name="left turns"))
+        raise MocapLostError("no pose of the robot")
+
+    monkeypatch.setattr(command, "_robot", lambda *_: nullcontext())
+    monkeypatch.setattr(command, "_truth", lambda *_, **__: nullcontext())
+    monkeypatch.setattr(geometry_drive, "drive_geometry", fail_in_the_third)
+    result = CliRunner().invoke(
+        app, ["identify", "geometry-live", "--simulated", NAME, "--robot", NAME, "--logs", str(tmp_path / "logs")]
+    )
+    assert result.exit_code != 0
+    assert {path.name for path in (tmp_path / "logs").iterdir()} == {"ahead.npz", "left_turns.npz"}
+
+
+def test_each_log_is_given_away_when_its_run_has_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(geometry_drive, "planned_runs", lambda reach: planned_runs(reach)[:2])
+    with simulated() as robot:
+        kept: list[str] = []
+
+        def save(log: WheelLog) -> None:
+            kept.append(log.name)
+            raise OutputFileError("the disk is full")
+
+        with pytest.raises(OutputFileError):
+            drive_geometry(robot, layout(), ROOM_M, tape(robot), save=save)
+        require_rest(robot)
+    assert kept == ["ahead"]
+
+
+def test_the_result_is_printed_where_the_robot_file_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study = identify_geometry(runs(THREE, true_values(THREE, 5), count=2), THREE)
+    before = Score("check", "check", 0.1, 0.1, 0.1, 0.1, 1.0)
+    found = DrivenGeometry(study, (), before, replace(before, rms_m=0.01))
+
+    def full_disk(*_: object) -> Path:
+        raise OutputFileError("the disk is full")
+
+    monkeypatch.setattr(command, "_robot", lambda *_: nullcontext())
+    monkeypatch.setattr(command, "_truth", lambda *_, **__: nullcontext())
+    monkeypatch.setattr(geometry_drive, "drive_geometry", lambda *_, **__: [])
+    monkeypatch.setattr(geometry_drive, "fit_driven", lambda *_: found)
+    monkeypatch.setattr(robot_file, "write_geometry", full_disk)
+    result = CliRunner().invoke(
+        app,
+        ["identify", "geometry-live", "--simulated", NAME, "--robot", NAME, "--out", str(tmp_path / "found.toml"),
+         "--json"],
+    )  # fmt: skip
+    assert result.exit_code != 0
+    told = json.loads(result.stdout)
+    assert told["check"]["is_better"] is True
+    assert told["file"] is None
+    assert "error" in told
