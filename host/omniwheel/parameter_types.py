@@ -37,7 +37,8 @@ def enum_of(parameter: Parameter) -> type[ParameterEnum]:
 
 @cache
 def _enumeration(name: str, values: tuple[tuple[str, int], ...]) -> type[ParameterEnum]:
-    made: Any = ParameterEnum(name, values)  # type: ignore[call-overload]
+    functional: Any = ParameterEnum  # its functional form, which mypy takes for a call with a number
+    made: type[ParameterEnum] = functional(name, values)
     return made
 
 
