@@ -69,7 +69,7 @@ class McapLog(NamedTuple):
 def write_mcap(
     file: IO[bytes], messages: Iterable[Message], parameters: Mapping[str, float], robot_file: bytes
 ) -> None:
-    """Write messages of a telemetry log (:class:`~omniwheel.tlog_reader.TlogReader`) in their order.
+    """Write messages of a telemetry log (.tlog) in their order.
 
     Messages of another dialect are left out. Raises MissingPackageError, OSError.
     """
