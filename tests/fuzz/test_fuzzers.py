@@ -219,7 +219,7 @@ PLANTED: dict[str, tuple[str, str, str, str, str | signal.Signals]] = {
     "a memory that is read beyond its end": (
         "store",
         "firmware/app/storage/param_store.cpp",
-        "count > (slot_size() - header_length - crc_length) / entry_length",
+        "count > (size - header_length - crc_length) / entry_length",
         "false",
         "param_store.cpp",
     ),

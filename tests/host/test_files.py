@@ -116,7 +116,7 @@ def test_a_file_size_limit_keeps_the_old_file(tmp_path: Path) -> None:
 
 @pytest.mark.full
 def test_results_on_a_full_standard_output_are_an_error_and_not_a_traceback() -> None:
-    command = [sys.executable, "-c", "from omni.cli import main; main()", "params", "presets", "--json"]
+    command = [sys.executable, "-c", "from omni.cli import main; main()", "params", "list", "--presets", "--json"]
     with open("/dev/full", "w") as full:
         done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, timeout=60, check=False)
     assert done.returncode != 0

@@ -254,8 +254,9 @@ SPECTRA = """async () => {
   const dialog = document.getElementById("spectrum-dialog");
   const shown = [document.querySelectorAll("#spectrum-plot .uplot").length,
     document.getElementById("spectrum-list").textContent];
+  const closed = new Promise((done) => dialog.addEventListener("close", () => setTimeout(done)));
   dialog.close();
-  await new Promise((done) => setTimeout(done));
+  await closed;
   return [...shown, document.querySelectorAll("#spectrum-plot .uplot").length];
 }"""
 

@@ -7,7 +7,8 @@
 /// two writes per `release_delay_us`.
 ///
 /// Fail-safe: a damaged record, a memory whose last write was cut short, or an unreadable memory counts as stopped, and
-/// the stop is written at once. The remaining gap is a power cut before the first byte is written, less than a background pass after the stop.
+/// the stop is written at once. The remaining gap is a power cut before the first byte is written, less than a
+/// background pass after the stop.
 #pragma once
 
 #include "app/storage/record_store.h"

@@ -25,7 +25,6 @@ from omni.cli.log_options import (
 )
 from omni.cli.options import ForceOption
 from omniwheel.limits import ALIGN_WITHIN_S
-from omniwheel.logs.mapping import read_mapping
 
 if TYPE_CHECKING:
     from omniwheel.logs.log import WheelLog
@@ -39,8 +38,6 @@ _MAPPING = "--mapping omni_reproduce/real_three_wheel/mapping.toml"
     "import",
     epilog=examples(
         f"omni logs import run1.csv {_MAPPING} --truth truth1.csv --out run1.npz",
-        "omni logs import run1.csv --mapping mine.toml --truth 'Take 2026-05-04 10.12.31 AM.csv' --out run1.npz",
-        "omni logs import rosbag2_run1 --mapping bag.toml --out run1.npz",
     ),
 )
 def import_command(
@@ -54,6 +51,7 @@ def import_command(
     """Read another robot's log with its column mapping, recover counts, mark spikes, unwrap the heading."""
     from omniwheel.logs.importer import import_log
     from omniwheel.logs.log import save_log
+    from omniwheel.logs.mapping import read_mapping
     from omniwheel.logs.spikes import OUTLIER_SD, count_noise_warning
 
     if out.suffix != ".npz":

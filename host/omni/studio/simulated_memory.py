@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import itertools
-import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from omni.studio.simulated import Simulation
+from omniwheel import files
 
 
 class SimulatedMemory:
@@ -29,7 +29,7 @@ class SimulatedMemory:
         path = Path(self._folder.name) / f"{next(self._numbers)}.bin"
         last = self._files.get(_key(wanted))
         if last is not None and last.is_file():
-            shutil.copyfile(last, path)
+            files.write_bytes(path, last.read_bytes())
         return path
 
     def keep(self, wanted: Simulation, path: Path) -> None:
