@@ -8,6 +8,7 @@ The conversion is its own inverse, and the same for poses and twists.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -30,3 +31,10 @@ class Twist(NamedTuple):
 def flip(x: float, y: float, turn: float) -> tuple[float, float, float]:
     """Convert a pose or twist between our frame and MAVLink's, in either direction."""
     return x, -y, -turn
+
+
+def relative_pose(origin: Pose, pose: Pose) -> Pose:
+    """Return a world pose in the body frame of another; the turn is within -pi..pi [m, m, rad]."""
+    c, s = math.cos(origin.theta), math.sin(origin.theta)
+    x, y = pose.x - origin.x, pose.y - origin.y
+    return Pose(c * x + s * y, -s * x + c * y, math.remainder(pose.theta - origin.theta, math.tau))

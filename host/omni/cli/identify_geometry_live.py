@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -29,7 +30,7 @@ from omni.cli.identify_geometry import print_study
 from omni.cli.log_options import RobotFileOption, RobotOption
 from omni.cli.options import SOURCE, OwnSeedOption, RoomOption
 from omniwheel.errors import LogError, OutputFileError
-from omniwheel.frames import Pose
+from omniwheel.frames import Pose, relative_pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
 from omniwheel.robots import read_robot
 
@@ -171,8 +172,6 @@ def _truth(robot: Robot, source: str | None, room_m: float, *, tape: bool, seed:
 
 
 def _simulated_tape(robot: SimulatedRobot) -> Callable[[str], Pose]:
-    from omniwheel.identification.geometry_drive import relative_pose
-
     home = robot.simulation.true_pose
     return lambda _: relative_pose(home, robot.simulation.true_pose)
 
@@ -187,7 +186,7 @@ def _typed_pose(room_m: float) -> Callable[[str], Pose]:
         while True:
             typed = typer.prompt(f"after {where!r}: x [m], y [m], heading [deg]", err=True)
             try:
-                x, y, degrees = (float(word) for word in typed.replace(",", " ").split())
+                x, y, degrees = (float(word) for word in re.split(r"[,;]?\s+", typed.strip()))
             except ValueError:
                 note("three numbers with decimal points are needed, like: 1.032 -0.011 27.5")
                 continue

@@ -12,7 +12,7 @@ from omniwheel.bringup.other_stops import safety_of
 from omniwheel.bringup.person import Person, require
 from omniwheel.bringup.result import Findings, Result
 from omniwheel.errors import StoppedError
-from omniwheel.frames import Pose, Twist
+from omniwheel.frames import Pose, Twist, relative_pose
 from omniwheel.robot import Robot
 from omniwheel.telemetry import Tracking
 
@@ -105,7 +105,7 @@ def _drive(robot: Robot, move: Move) -> Twist:
             robot.repeat(lambda: robot.set_velocity(*move.twist), move.time_s)
             robot.repeat(lambda: robot.set_velocity(0.0, 0.0, 0.0), REST_S)
         after = _settled_pose(robot)
-    return in_frame(before, after)
+    return Twist(*relative_pose(before, after))
 
 
 def _settled_pose(robot: Robot) -> Pose:
@@ -113,14 +113,6 @@ def _settled_pose(robot: Robot) -> Pose:
     for _ in range(2):
         pose = robot.wait_for(Tracking).pose
     return pose
-
-
-def in_frame(before: Pose, after: Pose) -> Twist:
-    """Return the displacement from one world pose to another in the body frame of the first [m, m, rad]."""
-    dx, dy = after.x - before.x, after.y - before.y
-    cosine, sine = math.cos(before.theta), math.sin(before.theta)
-    turn = math.remainder(after.theta - before.theta, math.tau)
-    return Twist(cosine * dx + sine * dy, -sine * dx + cosine * dy, turn)
 
 
 def _judge_stop(robot: Robot, findings: Findings, move: Move, mark: int) -> bool:

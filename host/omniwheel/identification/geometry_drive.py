@@ -17,9 +17,8 @@ import numpy as np
 
 from omniwheel.capability.speeds import top_speed, top_turn_rate
 from omniwheel.dialect import Message
-from omniwheel.driven import Progress
 from omniwheel.errors import DriveError, LimitError, MocapError, MocapLostError
-from omniwheel.frames import Pose
+from omniwheel.frames import Pose, relative_pose
 from omniwheel.identification.dataset import Dataset
 from omniwheel.identification.pose_fit.clock import measure_clock
 from omniwheel.identification.pose_fit.scores import Score, score
@@ -301,13 +300,6 @@ class Stream:
             raise self._error
 
 
-def relative_pose(origin: Pose, pose: Pose) -> Pose:
-    """Return a pose in the frame of another."""
-    c, s = math.cos(origin.theta), math.sin(origin.theta)
-    x, y = pose.x - origin.x, pose.y - origin.y
-    return Pose(c * x + s * y, -s * x + c * y, math.remainder(pose.theta - origin.theta, math.tau))
-
-
 @dataclass
 class _Recorder:
     """Keeps the OMNI_SAMPLE of a run and takes the poses beside it."""
@@ -392,7 +384,10 @@ def _drive(
     """Drive one run from rest to rest, disarmed at the end; return what was recorded and where the robot is then."""
     _set_estimate(robot, start)
     gap_s = longest_gap_s(pace.speed_m_s)
-    progress: Progress = lambda _: truth.check(inside_m, gap_s)  # noqa: E731
+
+    def check(_: Tracking) -> None:
+        truth.check(inside_m, gap_s)
+
     recorder = _Recorder(truth)
     remove = robot.connection.add_listener(recorder)
     try:
@@ -402,11 +397,11 @@ def _drive(
         robot.arm()
         here = start
         for goal in plan.goals:
-            robot.drive_to(*goal, speed=pace.leg_speed(here, goal), progress=progress)
+            robot.drive_to(*goal, speed=pace.leg_speed(here, goal), progress=check)
             here = goal
         if plan.turn_rad:
             rate = math.copysign(pace.turn_rad_s, plan.turn_rad)
-            robot.drive(0.0, 0.0, rate, plan.turn_rad / rate, progress=progress)
+            robot.drive(0.0, 0.0, rate, plan.turn_rad / rate, progress=check)
         robot.pump(REST_S)
     finally:
         try:

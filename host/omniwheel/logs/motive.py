@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from omni_schema.errors import did_you_mean
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array
+from omniwheel.quaternion import find_wrong_length
 
 FIRST_CELL = "Format Version"
 LENGTH_M = {"Meters": 1.0, "Centimeters": 1e-2, "Millimeters": 1e-3}
@@ -33,8 +34,6 @@ HEADER_LINES = 20
 LARGEST_HEIGHT_M = 0.1
 """Height that a robot on a floor does not exceed between 5 and 95 % of its run."""
 LARGEST_TILT_RAD = np.radians(30.0)
-UNIT_TOLERANCE = 0.01
-"""Deviation of a quaternion's length from 1."""
 
 
 @dataclass(frozen=True)
@@ -206,14 +205,13 @@ def _matrices(path: Path, cells: Array, rotation: str, line: NDArray[np.int64]) 
         for axis, angle in zip(rotation, np.radians(cells).T, strict=True):
             found = found @ _about(AXES.index(axis), angle)
         return found
-    length = np.linalg.norm(cells, axis=1)
-    if np.any(np.abs(length - 1.0) > UNIT_TOLERANCE):
-        worst = int(np.argmax(np.abs(length - 1.0)))
+    if (wrong := find_wrong_length(cells)) is not None:
+        row, length = wrong
         raise LogError(
-            f"{path}:{line[worst]}: the quaternion's length is {length[worst]:.3g} instead of 1",
+            f"{path}:{line[row]}: the quaternion's length is {length:.3g} instead of 1",
             hint="delete that line, or export the take again",
         )
-    x, y, z, w = (cells / length[:, None]).T
+    x, y, z, w = (cells / np.linalg.norm(cells, axis=1)[:, None]).T
     rows = (
         (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
         (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),

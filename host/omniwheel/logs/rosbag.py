@@ -18,6 +18,7 @@ import numpy as np
 from omni_schema.errors import did_you_mean
 from omniwheel.errors import LogError
 from omniwheel.logs.log import Array
+from omniwheel.quaternion import find_wrong_length, heading
 
 LIBRARY = "rosbags"
 JOINTS = "sensor_msgs/msg/JointState"
@@ -32,8 +33,6 @@ MCAP_MAGIC = b"\x89MCAP0\r\n"
 TOPICS_SHOWN = 20
 HEADER, RECEIVED = "header", "received"
 CLOCKS = (HEADER, RECEIVED)
-UNIT_TOLERANCE = 0.01
-"""Deviation of a quaternion's length from 1."""
 MOST_DROPPED = 0.05
 """Share of the poses that may be left out because they are not finite: a tracker that now and then sees nothing."""
 
@@ -195,15 +194,13 @@ def _poses(path: Path, reader: Any, truth: Any, topics: BagTopics, start_ns: int
 
 def _headings(path: Path, topic: str, time_s: Array, quaternions: Array) -> Array:
     """Return the headings (n,) [rad] of quaternions (n, 4) x y z w. Raises LogError where a length is not 1."""
-    length = np.linalg.norm(quaternions, axis=1)
-    worst = int(np.argmax(np.abs(length - 1.0)))
-    if abs(length[worst] - 1.0) > UNIT_TOLERANCE:
+    if (wrong := find_wrong_length(quaternions)) is not None:
+        row, length = wrong
         raise LogError(
-            f"{path}: a quaternion of {topic} at {time_s[worst]:.3f} s has the length {length[worst]:.3g} instead of 1",
+            f"{path}: a quaternion of {topic} at {time_s[row]:.3f} s has the length {length:.3g} instead of 1",
             hint="correct the program that publishes these poses: 0, 0, 0, 0 is no orientation",
         )
-    x, y, z, w = (quaternions / length[:, None]).T
-    return np.asarray(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z)))
+    return np.array([heading((w, x, y, z)) for x, y, z, w in quaternions])
 
 
 def _messages(reader: Any, connections: Any) -> Iterator[tuple[Any, int]]:

@@ -23,9 +23,9 @@ from typing import Any
 from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.frames import Pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
-from omniwheel.mocap.quaternion import heading, tilt
 from omniwheel.mocap.reader import ProcessSource
 from omniwheel.mocap.source import MocapPose
+from omniwheel.quaternion import heading, tilt
 
 LIBRARY = "natnet"
 COMMAND_PORT = 1510

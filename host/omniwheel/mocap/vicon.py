@@ -18,9 +18,9 @@ from typing import Any
 from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.frames import Pose
 from omniwheel.limits import DEFAULT_TIMEOUT_S
-from omniwheel.mocap.quaternion import heading
 from omniwheel.mocap.reader import ProcessSource
 from omniwheel.mocap.source import MocapPose
+from omniwheel.quaternion import heading
 
 LIBRARY = "pyvicon_datastream"
 _MM = 1e-3

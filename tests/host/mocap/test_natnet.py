@@ -19,10 +19,10 @@ from scipy.spatial.transform import Rotation
 from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
 from omniwheel.mocap import natnet
 from omniwheel.mocap.natnet import NatNetSource, NatNetStream, TickLength, load_library
-from omniwheel.mocap.quaternion import tilt
 from omniwheel.mocap.reader import ProcessSource
 from omniwheel.mocap.source import MocapPose, MocapSource
 from omniwheel.mocap.streams import open_source
+from omniwheel.quaternion import tilt
 from tests.host.mocap.natnet_server import LATENCY_S, Body, Server, frame, model
 from tests.waiting import Deadline, wait_until
 

@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from omniwheel.errors import MocapLibraryError, MocapLostError, MocapSourceError
-from omniwheel.mocap.quaternion import heading
 from omniwheel.mocap.streams import open_source
 from omniwheel.mocap.vicon import LIBRARY, ViconSource, ViconStream, load_library
+from omniwheel.quaternion import heading
 from tests.waiting import Deadline
 
 FAKE = Path(__file__).with_name("fake_vicon")

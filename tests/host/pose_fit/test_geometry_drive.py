@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import typer
 from typer.testing import CliRunner
 
 from hil_sim.scenario import load_scenario
@@ -19,7 +20,7 @@ from omni.cli import app
 from omni.cli import identify_geometry_live as command
 from omni_schema import Robot as RobotFile
 from omniwheel.errors import DriveError, LimitError, MocapLostError, OmniError, OutputFileError, StoppedError
-from omniwheel.frames import Pose
+from omniwheel.frames import Pose, relative_pose
 from omniwheel.identification import geometry_drive
 from omniwheel.identification.geometry_drive import (
     MARGIN_M,
@@ -32,7 +33,6 @@ from omniwheel.identification.geometry_drive import (
     longest_gap_s,
     planned_runs,
     reach_m,
-    relative_pose,
 )
 from omniwheel.identification.pose_fit import robot_file
 from omniwheel.identification.pose_fit.scores import Score
@@ -408,3 +408,17 @@ def test_the_result_is_printed_where_the_robot_file_cannot_be_written(
     assert told["check"]["is_better"] is True
     assert told["file"] is None
     assert "error" in told
+
+
+@pytest.mark.parametrize(
+    ("typed", "pose"),
+    [("1.032 -0.011 90", (1.032, -0.011, math.pi / 2)), ("1, 0.5, 0", (1.0, 0.5, 0.0)), ("1; 0.5; 0", (1.0, 0.5, 0.0))],
+)
+@pytest.mark.parametrize("unclear", ["0,5 1", "1,0,2", "1 2", "one 2 3", ""])
+def test_a_typed_pose_is_three_numbers_and_a_decimal_comma_is_asked_again(
+    unclear: str, typed: str, pose: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = iter([unclear, typed])
+    monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
+    assert command._typed_pose(3.0)("ahead") == pytest.approx(pose)
+    assert next(answers, None) is None
