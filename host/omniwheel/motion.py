@@ -96,19 +96,19 @@ class MovingRobot(RobotBase):
         stops = self._require_armed()
         goal = self.goal(x, y, heading, frame)
         allowed_s = self.allowed_time_s(goal, timeout_s, speed=speed)
-        way = None if speed is None else self._profile(goal, speed)
+        line = None if speed is None else self._profile(goal, speed)
         start_s = self.connection.clock()
 
         def ask() -> None:
-            pose, twist = (goal, None) if way is None else way.at(self.connection.clock() - start_s)
+            pose, twist = (goal, None) if line is None else line.at(self.connection.clock() - start_s)
             self.send(pose_target(self.connection, pose, twist))
 
         with self._moving(ask, goal, progress, stops) as motion:
-            while not motion.is_at_goal() or (way is not None and motion.time_s < way.duration_s):
+            while not motion.is_at_goal() or (line is not None and motion.time_s < line.duration_s):
                 if motion.time_s > allowed_s or motion.is_stuck():
                     raise motion.not_arrived()
                 motion.wait()
-            way, motion.holds_goal = None, True  # the last setpoint is the goal itself
+            line, motion.holds_goal = None, True  # the last setpoint is the goal itself
         return motion.driven_path
 
     def turn_to(
@@ -161,9 +161,9 @@ class MovingRobot(RobotBase):
             return PATIENCE * needed_s + PATIENCE_S
         if timeout_s < FASTEST * needed_s:
             here = latest_tracking(self).pose
-            way = math.hypot(here.x - goal.x, here.y - goal.y)
+            distance_m = math.hypot(here.x - goal.x, here.y - goal.y)
             raise LimitError(
-                f"{way:.2f} m take this robot about {needed_s:.1f} s; the time given is {timeout_s:g} s",
+                f"{distance_m:.2f} m take this robot about {needed_s:.1f} s; the time given is {timeout_s:g} s",
                 hint="give it more time or none, or see what limits the robot: omni robots check",
                 limit="time",
                 asked=timeout_s,
@@ -172,20 +172,20 @@ class MovingRobot(RobotBase):
         return timeout_s
 
     def _profile(self, goal: Pose, speed: float) -> Profile:
-        """Return the straight way to a pose; LimitError if the robot cannot be so fast on it."""
+        """Return the straight line to a pose; LimitError if the robot cannot be so fast on it."""
         if not finite("speed", speed) > 0.0:
             raise SetpointError(f"speed is {speed:g} m/s; more than 0 is needed")
         model = self.drive_model()
         acceleration = _RAMP_SHARE * model.acceleration_limit_m_s2
         here = latest_tracking(self).reference
         turn_rad_s, turn_rad_s2 = _RAMP_SHARE * top_turn_rate(model).value, _RAMP_SHARE * turn_acceleration(model)
-        way = profile(here, goal, speed, turn_rad_s, acceleration, turn_rad_s2)
+        line = profile(here, goal, speed, turn_rad_s, acceleration, turn_rad_s2)
         distance = math.hypot(goal.x - here.x, goal.y - here.y)
-        if distance > 0.0:  # at the speed itself, too, even if the way is too short to reach it
+        if distance > 0.0:  # at the speed itself, too, even if the line is too short to reach it
             along = Twist(speed * (goal.x - here.x) / distance, speed * (goal.y - here.y) / distance, 0.0)
             check_velocity(model, along, here.theta)
-        check_velocity(model, way.cruise, here.theta, way.turn_rad)
-        return way
+        check_velocity(model, line.cruise, here.theta, line.turn_rad)
+        return line
 
     # ---- along a path
 

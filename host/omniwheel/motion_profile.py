@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""A straight way from one pose to another with a given speed: where a robot should be at each time."""
+"""A straight line from one pose to another with a given speed: where a robot should be at each time."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from omniwheel.frames import Pose, Twist
 
 @dataclass(frozen=True)
 class Profile:
-    """A way from ``start`` to ``goal``: at rest at both ends, ``ramp_s`` of acceleration and of braking, then steady.
+    """A line from ``start`` to ``goal``: at rest at both ends, ``ramp_s`` of acceleration and of braking, then steady.
 
-    x, y and theta share one progress, so that the way is a straight line while the robot turns evenly. The turn is the
+    x, y and theta share one progress, so that the path is straight while the robot turns evenly. The turn is the
     shorter one.
     """
 
@@ -40,7 +40,7 @@ class Profile:
         return self.at(0.5 * self.duration_s)[1]
 
     def near_s(self, near_m: float, near_rad: float) -> float:
-        """Return the time from which on the rest of the way is at most ``near_m`` and ``near_rad``."""
+        """Return the time from which on the remaining distance and turn are at most ``near_m`` and ``near_rad``."""
         distance_m = math.hypot(self.goal.x - self.start.x, self.goal.y - self.start.y)
         turn = abs(self.turn_rad)
         share = min(1.0, near_m / distance_m if distance_m else 1.0, near_rad / turn if turn else 1.0)
@@ -51,7 +51,7 @@ class Profile:
         return self.duration_s - min(left_s, self.duration_s)
 
     def _progress(self, time_s: float) -> tuple[float, float]:
-        """Return the share 0..1 of the way, and its rate [1/s]."""
+        """Return the share 0..1 of the line, and its rate [1/s]."""
         if time_s >= self.duration_s:
             return 1.0, 0.0
         top = 1.0 / (self.duration_s - self.ramp_s)
@@ -71,12 +71,12 @@ def profile(
     acceleration_m_s2: float,
     turn_acceleration_rad_s2: float,
 ) -> Profile:
-    """Return the way at this speed, or slower where ``turn_rad_s`` would be exceeded. All four are more than 0."""
+    """Return the line at this speed, or slower where ``turn_rad_s`` would be exceeded. All four are more than 0."""
     distance_m = math.hypot(goal.x - start.x, goal.y - start.y)
     turn = abs(math.remainder(goal.theta - start.theta, math.tau))
     steady_s = max(distance_m / speed_m_s, turn / turn_rad_s, 1e-3)
     ramp_s = max(distance_m / acceleration_m_s2, turn / turn_acceleration_rad_s2) / steady_s
-    if ramp_s > steady_s:  # never as fast as that: half of the way is acceleration
+    if ramp_s > steady_s:  # never as fast as that: half of the distance is acceleration
         ramp_s = math.sqrt(ramp_s * steady_s)
         return Profile(start, goal, 2.0 * ramp_s, ramp_s)
     return Profile(start, goal, steady_s + ramp_s, ramp_s)

@@ -151,11 +151,11 @@ class Motion:
     def not_arrived(self) -> NotArrivedError:
         """Return the error of a robot that is not at its goal in time, or stuck."""
         here, goal = latest_tracking(self._robot).pose, self._goal_pose
-        way, turn = _apart(here, goal)
+        distance_m, turn = _apart(here, goal)
         lately = [row.pose for row in self._rows if row.time_s > self._rows[-1].time_s - _MOVED_S]
         moved = math.hypot(here.x - lately[0].x, here.y - lately[0].y) if lately else 0.0
         return NotArrivedError(
-            f"still {way * 1e3:.0f} mm and {turn:.3f} rad away after {self.time_s:.3g} s; "
+            f"still {distance_m * 1e3:.0f} mm and {turn:.3f} rad away after {self.time_s:.3g} s; "
             f"it moved {moved * 1e3:.0f} mm in the last {_MOVED_S:g} s",
             goal,
             here,
@@ -199,8 +199,8 @@ def _apart(one: Pose, other: Pose) -> tuple[float, float]:
 
 
 def _is_near(one: Pose, other: Pose, most_m: float, most_rad: float) -> bool:
-    way, turn = _apart(one, other)
-    return way <= most_m and turn <= most_rad
+    distance_m, turn = _apart(one, other)
+    return distance_m <= most_m and turn <= most_rad
 
 
 def _is_at_rest(tracking: Tracking) -> bool:

@@ -204,13 +204,13 @@ def _finish(found: DrivenGeometry, robot: str, out: Path | None, as_json: bool) 
 
     if as_json:
         check = {"before": score_data(found.before), "after": score_data(found.after), "is_better": found.is_better}
-        told = {**study_data(found.study), "check": check, "file": None}
+        result = {**study_data(found.study), "check": check, "file": None}
         try:
             written = write_geometry(found.study, robot, out) if out is not None and found.is_better else None
         except OutputFileError as error:
-            error.found = told
+            error.found = result
             raise
-        print_json({**told, "file": None if written is None else str(written)})
+        print_json({**result, "file": None if written is None else str(written)})
     else:
         print_study(found.study)
         before, after = found.before, found.after

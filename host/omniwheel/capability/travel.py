@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: MIT
 """How long a drive to a pose takes: the core's reference generator, integrated in steps of some milliseconds.
 
-Near the goal the reference's speed is APPROACH_RATE times the distance; further away it brakes with LIM_A. Way and turn
-end together. Wheel speeds are limited to TRJ_MARGIN of LIM_WHEEL in the heading of the moment
+Near the goal the reference's speed is APPROACH_RATE times the distance; further away it brakes with LIM_A. Distance and
+turn end together. Wheel speeds are limited to TRJ_MARGIN of LIM_WHEEL in the heading of the moment
 (``shared/core/src/reference/robot_reference.c``).
 """
 
@@ -71,21 +71,21 @@ def reference_time_s(model: DriveModel, here: Pose, there: Pose, share: float) -
     return time_s
 
 
-def profile_time_s(way: Profile) -> float:
+def profile_time_s(line: Profile) -> float:
     """Return the time that a robot takes until it has arrived at the end of a profile [s].
 
     A setpoint of a robot that brakes is SETPOINT_AGE_S old on average: its velocity is too high by so much, and the
     reference runs ahead. That error decays with APPROACH_RATE.
     """
-    if way.ramp_s <= 0.0:  # it ends where it begins
-        return way.duration_s + ARRIVED_S + LAG_S
-    steady_s = way.duration_s - way.ramp_s
-    ahead = SETPOINT_AGE_S * (1.0 - math.exp(-APPROACH_RATE * way.ramp_s)) / (APPROACH_RATE * steady_s * way.ramp_s)
-    distance_m = math.hypot(way.goal.x - way.start.x, way.goal.y - way.start.y)
-    error = ahead * max(distance_m / ARRIVED_M, abs(way.turn_rad) / ARRIVED_RAD)
+    if line.ramp_s <= 0.0:  # it ends where it begins
+        return line.duration_s + ARRIVED_S + LAG_S
+    steady_s = line.duration_s - line.ramp_s
+    ahead = SETPOINT_AGE_S * (1.0 - math.exp(-APPROACH_RATE * line.ramp_s)) / (APPROACH_RATE * steady_s * line.ramp_s)
+    distance_m = math.hypot(line.goal.x - line.start.x, line.goal.y - line.start.y)
+    error = ahead * max(distance_m / ARRIVED_M, abs(line.turn_rad) / ARRIVED_RAD)
     late_s = math.log(error) / APPROACH_RATE if error > 1.0 else 0.0
-    near_s = way.duration_s + late_s if late_s else way.near_s(ARRIVED_M, ARRIVED_RAD)
-    return max(way.duration_s, near_s + ARRIVED_S) + LAG_S
+    near_s = line.duration_s + late_s if late_s else line.near_s(ARRIVED_M, ARRIVED_RAD)
+    return max(line.duration_s, near_s + ARRIVED_S) + LAG_S
 
 
 def _approach_rate(distance: float, acceleration: float) -> float:
